@@ -1,0 +1,43 @@
+# Every library that we use, under one target name each, wherever it comes from.
+find_package(fmt CONFIG REQUIRED)
+find_package(spdlog CONFIG REQUIRED)
+find_package(nlohmann_json CONFIG REQUIRED)
+find_package(glm CONFIG REQUIRED)
+find_package(OpenEXR CONFIG REQUIRED)
+find_package(TinyGLTF CONFIG REQUIRED)
+find_package(Eigen3 CONFIG REQUIRED)
+find_package(nanoflann CONFIG REQUIRED)
+find_package(CLI11 CONFIG REQUIRED)
+find_package(embree CONFIG REQUIRED)
+find_package(OpenMP REQUIRED COMPONENTS CXX)
+find_package(ZLIB REQUIRED)
+find_package(PNG REQUIRED)
+find_package(JPEG REQUIRED)
+
+# By flag and not by path: the library that is loaded first, ours or LibTorch's own copy, then serves both.
+add_library(ars_openmp INTERFACE)
+target_compile_options(ars_openmp INTERFACE $<$<COMPILE_LANGUAGE:CXX>:${OpenMP_CXX_FLAGS}>)
+target_link_options(ars_openmp INTERFACE ${OpenMP_CXX_FLAGS})
+
+add_library(ars_zlib INTERFACE)
+target_link_libraries(ars_zlib INTERFACE ZLIB::ZLIB)
+add_library(ars_png INTERFACE)
+target_link_libraries(ars_png INTERFACE PNG::PNG)
+add_library(ars_jpeg INTERFACE)
+target_link_libraries(ars_jpeg INTERFACE JPEG::JPEG)
+add_library(ars_tinygltf INTERFACE)
+target_link_libraries(ars_tinygltf INTERFACE TinyGLTF::TinyGLTF)
+
+# GLM: depth 0..1, no implicit swizzles; the same on host and device.
+target_compile_definitions(ars_options INTERFACE GLM_FORCE_DEPTH_ZERO_TO_ONE GLM_ENABLE_EXPERIMENTAL)
+
+if(ARS_BUILD_TESTS)
+    find_package(GTest CONFIG REQUIRED)
+    find_package(benchmark CONFIG REQUIRED)
+endif()
+if(ARS_WINDOW)
+    include(imgui)
+endif()
+if(ARS_MODEL)
+    include(torch)
+endif()

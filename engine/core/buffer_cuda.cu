@@ -1,0 +1,63 @@
+#include "engine/core/buffer_cuda.h"
+
+#include <cuda_runtime.h>
+
+namespace ars::cuda {
+namespace {
+
+Status check(cudaError_t code, const char* what) {
+    if (code == cudaSuccess) return {};
+    (void)cudaGetLastError(); // the error must not stick to the next call
+    const ErrorCode kind = code == cudaErrorMemoryAllocation ? ErrorCode::OutOfMemory : ErrorCode::Unavailable;
+    return makeError(kind, "CUDA", fmt::format("{}: {}", what, cudaGetErrorString(code)));
+}
+
+} // namespace
+
+int deviceCount() {
+    int count = 0;
+    // No driver, an old driver and no card all mean the same here: no device.
+    if (cudaGetDeviceCount(&count) != cudaSuccess) {
+        (void)cudaGetLastError();
+        return 0;
+    }
+    return count;
+}
+
+Result<void*> allocate(int device, std::size_t bytes) {
+    ARS_TRY_STATUS(check(cudaSetDevice(device), "selecting the device"));
+    void* data = nullptr;
+    ARS_TRY_STATUS(check(cudaMalloc(&data, bytes), "allocating"));
+    return data;
+}
+
+void release(int device, void* data) noexcept {
+    (void)cudaSetDevice(device);
+    (void)cudaFree(data);
+}
+
+Status copy(void* destination, const Device& destinationDevice, const void* source, const Device& sourceDevice,
+            std::size_t bytes) {
+    const bool toHost = destinationDevice.kind == DeviceKind::Host;
+    const bool fromHost = sourceDevice.kind == DeviceKind::Host;
+    ARS_TRY_STATUS(check(cudaSetDevice(toHost ? sourceDevice.index : destinationDevice.index), "selecting the device"));
+    if (!toHost && !fromHost && destinationDevice.index != sourceDevice.index) {
+        ARS_TRY_STATUS(check(cudaMemcpyPeer(destination, destinationDevice.index, source, sourceDevice.index, bytes),
+                             "copying between devices"));
+        return check(cudaDeviceSynchronize(), "copying between devices");
+    }
+    const cudaMemcpyKind kind = toHost     ? cudaMemcpyDeviceToHost
+                                : fromHost ? cudaMemcpyHostToDevice
+                                           : cudaMemcpyDeviceToDevice;
+    ARS_TRY_STATUS(check(cudaMemcpy(destination, source, bytes, kind), "copying"));
+    return check(cudaDeviceSynchronize(), "copying");
+}
+
+Result<MemoryInfo> memory(int device) {
+    ARS_TRY_STATUS(check(cudaSetDevice(device), "selecting the device"));
+    std::size_t freeBytes = 0, totalBytes = 0;
+    ARS_TRY_STATUS(check(cudaMemGetInfo(&freeBytes, &totalBytes), "asking for the memory"));
+    return MemoryInfo{freeBytes, totalBytes};
+}
+
+} // namespace ars::cuda

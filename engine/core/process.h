@@ -1,0 +1,57 @@
+#pragma once
+
+#include "engine/core/error.h"
+
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace ars {
+
+/// How a child ended and what it said.
+struct ProcessResult {
+    int exitCode = 0; ///< 128 + signal when a signal ended it
+    bool timedOut = false;
+    std::string output; ///< standard output
+    std::string errors; ///< standard error
+};
+
+struct ProcessOptions {
+    std::vector<std::pair<std::string, std::string>> environment{}; ///< added to this process's own
+    std::filesystem::path workingFolder{};                          ///< empty: this process's own
+    std::string input{};                                            ///< given on standard input
+    std::chrono::milliseconds timeout{0};                           ///< 0: none; then SIGTERM, and SIGKILL 2 s later
+    std::size_t maxOutputBytes = 64u << 20;                         ///< of each stream; more is dropped
+};
+
+/// Runs a program (looked up on PATH, no shell) to its end. NotFound when it does not exist.
+Result<ProcessResult> runProcess(const std::vector<std::string>& command, const ProcessOptions& options = {});
+
+/// A child that goes on beside this process, e.g. a training run that outlives the window.
+class ChildProcess {
+public:
+    /// Both streams go to `logFile` (appended). With `detached` it gets a session of its own and survives us.
+    static Result<ChildProcess> start(const std::vector<std::string>& command, const std::filesystem::path& logFile,
+                                      bool detached, const ProcessOptions& options = {});
+    ChildProcess(ChildProcess&& other) noexcept;
+    ChildProcess& operator=(ChildProcess&& other) noexcept;
+    ~ChildProcess(); ///< never kills; an attached child is reaped if it has ended
+
+    int id() const { return id_; }
+    bool running();
+    /// Exit code once it has ended (128 + signal), else nothing.
+    std::optional<int> exitCode();
+    Status signal(int number);
+    /// Waits up to `timeout`; true when it has ended.
+    bool wait(std::chrono::milliseconds timeout);
+
+private:
+    ChildProcess() = default;
+    int id_ = -1;
+    bool reaped_ = false;
+    int code_ = 0;
+};
+
+} // namespace ars

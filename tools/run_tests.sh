@@ -1,0 +1,68 @@
+#!/usr/bin/env bash
+# Everything `./ars test` does after the set-up: formatting, build, unit tests, the same under sanitizers, fuzzers.
+#   --require-data    fail when a test did not run because something is missing here
+#   --quick           neither sanitizers nor fuzzers
+#   --fuzz-seconds N  time for each fuzzer (default 5)
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+cd "$root"
+quick= fuzz_seconds=5
+while [ $# -gt 0 ]; do
+    case $1 in
+        --require-data) export ARS_REQUIRE_DATA=1 ;;
+        --quick) quick=1 ;;
+        --fuzz-seconds) fuzz_seconds=${2:?--fuzz-seconds needs a number}; shift ;;
+        *) echo "error: ./ars test knows --require-data, --quick and --fuzz-seconds N, found \"$1\"" >&2; exit 2 ;;
+    esac
+    shift
+done
+
+say() { printf '\033[1m==\033[0m %s\n' "$*"; }
+failures=()
+if [ -z "${ARS_TEST_DATA:-}" ]; then
+    say "ARS_TEST_DATA is not set: tests that need the shared test data will say NOT RUN"
+fi
+
+# build PRESET: configures when needed and builds everything of it.
+build() {
+    mkdir -p "build/$1"
+    if [ ! -f "build/$1/build.ninja" ]; then
+        say "configuring build/$1"
+        cmake --preset "$1" >"build/$1/configure.log" 2>&1 || { cat "build/$1/configure.log"; exit 1; }
+    fi
+    say "building build/$1"
+    NINJA_STATUS='    [%f/%t] ' ninja -C "build/$1" | awk '/\[[0-9]+\/[0-9]+\]/ {last = $0; if (++n % 20 == 0) print; next} {print} END {print last}' ||
+        { echo "error: the build of build/$1 failed" >&2; exit 1; }
+}
+
+# tests PRESET: runs CTest there; the whole output stays in build/PRESET/tests.log.
+tests() {
+    local log=$root/build/$1/tests.log
+    say "tests in build/$1"
+    if ! ctest --test-dir "build/$1" --output-on-failure -V -O "$log" -Q --timeout 1500; then failures+=("tests in build/$1"); fi
+    grep -E '^ *[0-9]+/[0-9]+ Test +#|tests passed|tests failed' "$log" || true
+    sed 's/^[0-9]*: //' "$log" | grep -E '^(\[  FAILED  \]|.*: Failure$)' || true
+}
+
+say "formatting"
+tools/format.sh --check || failures+=(formatting)
+build "${ARS_PRESET:-release}"
+tests "${ARS_PRESET:-release}"
+if [ -z "$quick" ]; then
+    build fuzz
+    tests fuzz
+    say "fuzzers, $fuzz_seconds s each"
+    tools/fuzz.sh "$fuzz_seconds" || failures+=(fuzzers)
+fi
+
+logs=$(cat build/"${ARS_PRESET:-release}"/tests.log build/fuzz/tests.log 2>/dev/null | sed 's/^[0-9]*: //' | grep '^NOT RUN:' | sort -u || true)
+count=$(grep -c . <<<"$logs" || true)
+if [ "$count" -gt 0 ]; then
+    say "$count tests did not run here, or not all of them:"
+    echo "$logs"
+fi
+if [ ${#failures[@]} -gt 0 ]; then
+    printf 'error: failed: %s\n' "$(IFS=,; echo "${failures[*]}")" >&2
+    exit 1
+fi
+say "all green; $count NOT RUN"
