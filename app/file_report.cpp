@@ -67,7 +67,7 @@ Json reportJson(const FileReport& report) {
     }
     for (const Fact& fact : report.facts) json[fact.key] = fact.value;
     json["warnings"] = report.warnings;
-    if (report.error) json["error"] = errorJson(*report.error);
+    if (report.error) json["error"] = errorJson(atPlace(*report.error, report.path));
     return json;
 }
 

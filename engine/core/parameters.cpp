@@ -135,8 +135,10 @@ Status readParametersJson(const std::vector<ParameterInfo>& infos, const nlohman
         return makeError(ErrorCode::InvalidArgument, "parameters",
                          fmt::format("expected a JSON object, found {}", object.type_name()));
     }
-    for (const auto& [key, json] : object.items()) {
-        const auto info = std::find_if(infos.begin(), infos.end(), [&](const auto& item) { return item.name == key; });
+    for (const auto& item : object.items()) {
+        const std::string& key = item.key();
+        const nlohmann::json& json = item.value();
+        const auto info = std::find_if(infos.begin(), infos.end(), [&](const auto& row) { return row.name == key; });
         if (info == infos.end()) {
             unknown.push_back(key);
             continue;

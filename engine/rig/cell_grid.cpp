@@ -13,6 +13,7 @@ constexpr int kLanes = 8; ///< channels solved together: one cache line holds a 
 constexpr int kSmoothingSweeps = 2;
 constexpr int kCoarsestSweeps = 40;
 constexpr int kMaxCycles = 40;
+constexpr std::size_t kParallelCells = 32768; ///< below, waiting for the other threads costs more than they save
 
 struct alignas(32) Lanes {
     std::array<float, kLanes> v{};
@@ -72,7 +73,7 @@ void forFreeCells(const Level& level, int colour, Body&& body) {
             }
         }
     };
-    if (level.count() < 4096) {
+    if (level.count() < kParallelCells) {
         for (int k = 0; k < level.size.z; ++k) slice(static_cast<std::size_t>(k));
     } else {
         parallelFor(static_cast<std::size_t>(level.size.z), slice, 1);

@@ -169,37 +169,39 @@ bool anyNeighbour(const CellGrid& grid, int i, int j, int k, bool all26, Test&& 
     return false;
 }
 
-enum CellState : std::uint8_t { kFree = 0, kFixed = 1, kTorn = 2 };
-
 /// Marks the cells that take the weights of their closest surface point: all within one cell of the surface, and
 /// further ones up to `bandM` where that point moves smoothly from cell to cell. Between two limbs it jumps from one
-/// skin to the other; there, and one cell around, the solve makes the transition instead.
+/// skin to the other; there and around the solve makes the transition instead.
 std::vector<SurfacePoint> markFixedCells(CellGrid& grid, const ClosestSurface& surface, const Source& source,
                                          std::span<const glm::vec3> vertices, float bandM) {
     constexpr float kTear = 3.0f; // jump of the closest point between neighbours, in cells
     std::vector<SurfacePoint> closest(grid.cellCount());
     std::vector<glm::vec3> foot(grid.cellCount());
-    std::vector<std::uint8_t> state(grid.cellCount(), kFree);
+    std::vector<std::uint8_t> reached(grid.cellCount(), 0);
     forCells(grid, [&](int i, int j, int k, std::size_t cell) {
         if (!surface.find(grid.centerM(i, j, k), bandM, closest[cell])) return;
         const glm::uvec3 t = source.triangles[closest[cell].triangle];
         const glm::vec3 at = closest[cell].barycentric;
         foot[cell] = at.x * vertices[t.x] + at.y * vertices[t.y] + at.z * vertices[t.z];
-        state[cell] = kFixed;
+        reached[cell] = 1;
     });
-    std::vector<std::uint8_t> torn = state;
+    std::vector<std::uint8_t> torn(grid.cellCount(), 0);
     forCells(grid, [&](int i, int j, int k, std::size_t cell) {
-        if (state[cell] != kFixed) return;
-        const bool jumps = anyNeighbour(grid, i, j, k, false, [&](std::size_t other) {
-            return state[other] == kFixed && glm::distance(foot[cell], foot[other]) > kTear * grid.cellM;
+        if (!reached[cell]) return;
+        torn[cell] = anyNeighbour(grid, i, j, k, false, [&](std::size_t other) {
+            return reached[other] && glm::distance(foot[cell], foot[other]) > kTear * grid.cellM;
         });
-        if (jumps) torn[cell] = kTorn;
     });
-    forCells(grid, [&](int i, int j, int k, std::size_t cell) {
-        if (state[cell] != kFixed) return;
-        const auto isTorn = [&](std::size_t other) { return torn[other] == kTorn; };
-        const bool core = closest[cell].distanceM <= grid.cellM;
-        grid.fixed[cell] = core || (torn[cell] != kTorn && !anyNeighbour(grid, i, j, k, true, isTorn));
+    // The transition takes half the band on either side, whatever the size of the cells.
+    for (int width = std::max(1, static_cast<int>(std::lround(0.5f * bandM / grid.cellM))); width > 0; --width) {
+        const std::vector<std::uint8_t> before = torn;
+        forCells(grid, [&](int i, int j, int k, std::size_t cell) {
+            torn[cell] = before[cell] ||
+                         anyNeighbour(grid, i, j, k, true, [&](std::size_t other) { return before[other] != 0; });
+        });
+    }
+    parallelFor(grid.cellCount(), [&](std::size_t cell) {
+        grid.fixed[cell] = reached[cell] && (!torn[cell] || closest[cell].distanceM <= grid.cellM);
     });
     return closest;
 }

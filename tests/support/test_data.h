@@ -9,6 +9,9 @@
 
 namespace ars::test {
 
+/// The checkout that these tests were built from; fixtures lie in it.
+std::filesystem::path sourceFolder();
+
 /// The shared test data, or an empty path where ARS_TEST_DATA is not set.
 inline std::filesystem::path dataFolder() {
     const char* text = std::getenv("ARS_TEST_DATA");

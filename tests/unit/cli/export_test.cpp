@@ -151,7 +151,7 @@ TEST(Export, AnInterruptLeavesNothingBehind) {
     writeWalk(folder / "walk.npz", 4000);
     fs::create_directory(folder / "out");
     writeText(folder / "out" / "w_0000.obj", "from an earlier run");
-    auto child = ChildProcess::start({ARS_PROGRAM, "export", "--motion", (folder / "walk.npz").string(), "--out",
+    auto child = ChildProcess::start({programPath(), "export", "--motion", (folder / "walk.npz").string(), "--out",
                                       (folder / "out" / "w.obj").string()},
                                      folder / "log", false);
     ASSERT_TRUE(child.ok());

@@ -15,9 +15,14 @@
 
 namespace ars::test {
 
+/// The program, built into the folder of the tests.
+inline std::string programPath() {
+    return (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "ars").string();
+}
+
 /// Runs the built program to its end.
 inline ProcessResult runArs(std::vector<std::string> arguments, const ProcessOptions& options = {}) {
-    arguments.insert(arguments.begin(), ARS_PROGRAM);
+    arguments.insert(arguments.begin(), programPath());
     ProcessOptions bounded = options;
     if (bounded.timeout.count() == 0) bounded.timeout = std::chrono::minutes(5);
     auto result = runProcess(arguments, bounded);

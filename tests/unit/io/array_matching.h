@@ -2,6 +2,8 @@
 
 #include "engine/io/array.h"
 
+#include "tests/support/test_data.h"
+
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
@@ -16,7 +18,7 @@
 namespace ars::test {
 
 inline std::filesystem::path fixture(const std::string& relative) {
-    return std::filesystem::path(ARS_SOURCE_DIR) / "tests/unit/io/fixtures" / relative;
+    return test::sourceFolder() / "tests/unit/io/fixtures" / relative;
 }
 
 inline std::vector<std::byte> bytesOf(const std::filesystem::path& path) {

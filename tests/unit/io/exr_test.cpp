@@ -20,7 +20,7 @@ namespace {
 using Bytes = std::vector<std::byte>;
 
 std::filesystem::path fixturePath(const std::string& name) {
-    return std::filesystem::path(ARS_SOURCE_DIR) / "tests/unit/io/fixtures/image" / name;
+    return test::sourceFolder() / "tests/unit/io/fixtures/image" / name;
 }
 
 Bytes fixture(const std::string& name) {

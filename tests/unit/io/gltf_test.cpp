@@ -17,9 +17,7 @@ namespace {
 
 using nlohmann::json;
 
-std::filesystem::path fixture(const char* name) {
-    return std::filesystem::path(ARS_SOURCE_DIR) / "tests/unit/io/fixtures/mesh" / name;
-}
+std::filesystem::path fixture(const char* name) { return test::sourceFolder() / "tests/unit/io/fixtures/mesh" / name; }
 
 std::span<const std::byte> asBytes(std::string_view text) { return std::as_bytes(std::span(text)); }
 

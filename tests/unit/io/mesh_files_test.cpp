@@ -16,9 +16,7 @@ namespace {
 
 std::span<const std::byte> asBytes(std::string_view text) { return std::as_bytes(std::span(text)); }
 
-std::filesystem::path fixture(const char* name) {
-    return std::filesystem::path(ARS_SOURCE_DIR) / "tests/unit/io/fixtures/mesh" / name;
-}
+std::filesystem::path fixture(const char* name) { return test::sourceFolder() / "tests/unit/io/fixtures/mesh" / name; }
 
 template <typename T>
 void expectError(const Result<T>& result, ErrorCode code, std::string_view sentence) {

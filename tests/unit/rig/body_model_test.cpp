@@ -11,7 +11,7 @@ namespace ars {
 namespace {
 
 std::filesystem::path fixture(const std::string& name) {
-    return std::filesystem::path(ARS_SOURCE_DIR) / "tests/unit/rig/fixtures" / name;
+    return test::sourceFolder() / "tests/unit/rig/fixtures" / name;
 }
 
 // ---------------------------------------------------------------------------------------------- a small body by hand

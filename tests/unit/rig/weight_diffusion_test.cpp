@@ -259,6 +259,42 @@ TEST(WeightDiffusion, FieldInsideASphereIsTheHarmonicOne) {
     EXPECT_LT(errors[1], 0.65 * errors[0]);
 }
 
+TEST(WeightDiffusion, BetweenTwoLimbsTheWeightsGoOverSmoothly) {
+    // Two plates, 6 cm apart, each with a joint of its own: closer to each other than twice the fixed band.
+    WeightedMesh plates;
+    for (int side = 0; side < 2; ++side) {
+        const auto first = static_cast<unsigned>(plates.positions.size());
+        const float x = side == 0 ? -0.03f : 0.03f;
+        for (int c = 0; c < 4; ++c) {
+            plates.positions.emplace_back(x, (c & 1) ? 0.2f : -0.2f, (c >> 1) ? 0.2f : -0.2f);
+            for (int i = 0; i < kMaxInfluences; ++i) {
+                plates.weights.joints.push_back(i == 0 ? static_cast<std::uint16_t>(side) : std::uint16_t{0});
+                plates.weights.weights.push_back(i == 0 ? 1.0f : 0.0f);
+            }
+        }
+        plates.triangles.emplace_back(first, first + 1, first + 2);
+        plates.triangles.emplace_back(first + 1, first + 3, first + 2);
+    }
+    std::vector<glm::vec3> points;
+    for (int n = -12; n <= 12; ++n) points.emplace_back(0.0025f * static_cast<float>(n), 0.011f, -0.017f);
+    points.emplace_back(-0.05f, 0.0f, 0.0f); // 2 cm off the far side of the first
+    for (const int resolution : {64, 128}) {
+        DiffusionOptions options;
+        options.resolution = resolution;
+        const auto weights = diffuseWeights(plates.positions, plates.triangles, plates.weights, 2, points, options);
+        ASSERT_TRUE(weights.ok()) << weights.error().describe();
+        EXPECT_NEAR(weightOf(*weights, 0, 0), 1.0f, 1e-5f);
+        EXPECT_NEAR(weightOf(*weights, 12, 0), 0.5f, 0.05f); // the cells lie anyhow to the middle
+        EXPECT_GT(weightOf(*weights, 25, 0), 0.999f);
+        for (std::size_t p = 1; p < 25; ++p) {
+            const float step = weightOf(*weights, p - 1, 0) - weightOf(*weights, p, 0);
+            EXPECT_GT(step, -1e-4f) << p;
+            // A transition over 3 cm or more; the closest plate alone would jump by 1 within a cell.
+            EXPECT_LT(step, 0.0025f / 0.03f + 0.02f) << p << " of resolution " << resolution;
+        }
+    }
+}
+
 TEST(WeightDiffusion, ThreadsDoNotChangeABit) {
     const WeightedMesh sphere = linearSphere();
     std::vector<glm::vec3> points;
