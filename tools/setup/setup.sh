@@ -94,6 +94,6 @@ install_packages
 fetch_torch
 fetch_imgui
 fetch CLANG_FORMAT clang-format clang-format 'clang_format/data/bin/clang-format:3'
-cp "$root/tools/setup/pins.env" "$deps/.ready.new"
+cat "$root"/tools/setup/{pins.env,apt-packages.txt} >"$deps/.ready.new"
 mv "$deps/.ready.new" "$deps/.ready"
 say "set up"
