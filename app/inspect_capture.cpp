@@ -17,7 +17,11 @@ namespace ars::app {
 namespace fs = std::filesystem;
 namespace {
 
-Result<Json> readJson(const fs::path& path, const ReadLimits& limits) {
+/// As a tree JSON takes some twenty times its bytes; calibrations and maps are far below this.
+constexpr std::uint64_t kMaxJsonBytes = 64ull << 20;
+
+Result<Json> readJson(const fs::path& path, ReadLimits limits) {
+    limits.maxFileBytes = std::min(limits.maxFileBytes, kMaxJsonBytes);
     ARS_TRY(const std::string text, readTextFile(path, limits));
     Json json;
     try {

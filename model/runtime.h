@@ -22,7 +22,7 @@ TorchInfo initializeTorch();
 
 /// Speed of the two operators that everything in model/ stands on, in GFLOP/s, best of `repetitions`.
 struct TorchSpeed {
-    double convolution = 0;   ///< 3x3, 64 to 64 channels, 128x128, batch 1, float
+    double convolution = 0;   ///< 3x3, 64 to 64 channels, 128x128, batch 1, float, channels last
     double matrixProduct = 0; ///< 1024 x 1024 x 1024, float
 };
 TorchSpeed measureTorchSpeed(int repetitions = 30);
