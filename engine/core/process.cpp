@@ -195,6 +195,103 @@ Result<ProcessResult> runProcess(const std::vector<std::string>& command, const 
     return result;
 }
 
+Result<FedProcess> FedProcess::start(const std::vector<std::string>& command, const ProcessOptions& options) {
+    ignoreBrokenPipes();
+    Pipe input, output, errors;
+    ARS_TRY_STATUS(input.open());
+    ARS_TRY_STATUS(output.open());
+    ARS_TRY_STATUS(errors.open());
+    // Non-blocking, so that what the child says is read while it is being fed; else both could wait for ever.
+    ::fcntl(input.writeEnd, F_SETFL, O_NONBLOCK);
+    ARS_TRY(const int id, spawn(command, options, {input.readEnd, output.writeEnd, errors.writeEnd}, false));
+    FedProcess child;
+    child.id_ = id;
+    child.input_ = std::exchange(input.writeEnd, -1);
+    child.output_ = std::exchange(output.readEnd, -1);
+    child.errors_ = std::exchange(errors.readEnd, -1);
+    child.maxOutputBytes_ = options.maxOutputBytes;
+    return child;
+}
+
+FedProcess::FedProcess(FedProcess&& other) noexcept { *this = std::move(other); }
+
+FedProcess& FedProcess::operator=(FedProcess&& other) noexcept {
+    std::swap(id_, other.id_);
+    std::swap(input_, other.input_);
+    std::swap(output_, other.output_);
+    std::swap(errors_, other.errors_);
+    std::swap(maxOutputBytes_, other.maxOutputBytes_);
+    std::swap(result_, other.result_);
+    return *this;
+}
+
+FedProcess::~FedProcess() {
+    if (id_ > 0) {
+        ::kill(id_, SIGKILL);
+        ::waitpid(id_, nullptr, 0);
+    }
+    close();
+}
+
+void FedProcess::close() {
+    for (int* end : {&input_, &output_, &errors_}) {
+        if (*end >= 0) ::close(std::exchange(*end, -1));
+    }
+}
+
+/// Reads what the child has said; waits until it says something, takes input, or the time is up.
+void FedProcess::drain(int timeoutMs, bool toTheEnd) {
+    std::array<char, 65536> chunk;
+    auto take = [&](int& end, std::string& text) {
+        const ssize_t got = ::read(end, chunk.data(), chunk.size());
+        if (got > 0) {
+            text.append(chunk.data(), static_cast<std::size_t>(got));
+            // Of a long report the end matters.
+            if (text.size() > maxOutputBytes_) text.erase(0, text.size() - maxOutputBytes_);
+        } else if (got == 0 || errno != EINTR) {
+            ::close(std::exchange(end, -1));
+        }
+    };
+    do {
+        std::array<pollfd, 3> polled{pollfd{output_, POLLIN, 0}, pollfd{errors_, POLLIN, 0},
+                                     pollfd{toTheEnd ? -1 : input_, POLLOUT, 0}};
+        if (::poll(polled.data(), polled.size(), timeoutMs) < 0 && errno != EINTR) return;
+        if (output_ >= 0 && polled[0].revents) take(output_, result_.output);
+        if (errors_ >= 0 && polled[1].revents) take(errors_, result_.errors);
+    } while (toTheEnd && (output_ >= 0 || errors_ >= 0));
+}
+
+Status FedProcess::write(std::span<const std::byte> bytes) {
+    std::size_t written = 0;
+    while (written < bytes.size()) {
+        const ssize_t put = ::write(input_, bytes.data() + written, bytes.size() - written);
+        if (put > 0) {
+            written += static_cast<std::size_t>(put);
+        } else if (put < 0 && errno != EAGAIN && errno != EINTR) {
+            drain(100, false);
+            const std::size_t tail = std::min<std::size_t>(result_.errors.size(), 400);
+            return makeError(ErrorCode::Io, "",
+                             fmt::format("a child process stopped reading: {}",
+                                         result_.errors.substr(result_.errors.size() - tail)));
+        } else {
+            drain(1000, false);
+        }
+    }
+    return {};
+}
+
+Result<ProcessResult> FedProcess::finish() {
+    if (input_ >= 0) ::close(std::exchange(input_, -1));
+    drain(-1, true);
+    int status = 0;
+    while (::waitpid(id_, &status, 0) < 0 && errno == EINTR) {
+    }
+    id_ = -1;
+    result_.exitCode = exitCodeOf(status);
+    close();
+    return std::move(result_);
+}
+
 Result<ChildProcess> ChildProcess::start(const std::vector<std::string>& command, const std::filesystem::path& logFile,
                                          bool detached, const ProcessOptions& options) {
     Pipe streams; // only owns the two descriptors

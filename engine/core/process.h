@@ -5,6 +5,8 @@
 #include <chrono>
 #include <filesystem>
 #include <functional>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -28,6 +30,34 @@ struct ProcessOptions {
 
 /// Runs a program (looked up on PATH, no shell) to its end. NotFound when it does not exist.
 Result<ProcessResult> runProcess(const std::vector<std::string>& command, const ProcessOptions& options = {});
+
+/// A child that is fed on its standard input piece by piece, e.g. a video encoder.
+class FedProcess {
+public:
+    /// Options' input and timeout are not used. NotFound when the program does not exist.
+    static Result<FedProcess> start(const std::vector<std::string>& command, const ProcessOptions& options = {});
+    FedProcess(FedProcess&& other) noexcept;
+    FedProcess& operator=(FedProcess&& other) noexcept;
+    ~FedProcess(); ///< ends the child by SIGKILL unless finish() was called
+
+    /// Hands the bytes over and returns when the child has taken them. Io, with the end of what it said, when it has
+    /// closed its input.
+    Status write(std::span<const std::byte> bytes);
+    /// Closes the child's input and waits for its end.
+    Result<ProcessResult> finish();
+
+private:
+    FedProcess() = default;
+    void drain(int timeoutMs, bool toTheEnd);
+    void close();
+
+    int id_ = -1;
+    int input_ = -1;
+    int output_ = -1;
+    int errors_ = -1;
+    std::size_t maxOutputBytes_ = 0;
+    ProcessResult result_;
+};
 
 /// A child that goes on beside this process, e.g. a training run that outlives the window.
 class ChildProcess {

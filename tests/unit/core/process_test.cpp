@@ -21,6 +21,29 @@ TEST(Process, BothStreamsAndTheExitCodeComeBack) {
     EXPECT_FALSE(result->timedOut);
 }
 
+TEST(Process, AFedChildTakesPiecesAndItsWordsComeBack) {
+    auto child = FedProcess::start({"sh", "-c", "tee /dev/stderr; exit 5"});
+    ASSERT_TRUE(child.ok());
+    const std::string piece(1 << 20, 'y');
+    for (int i = 0; i < 8; ++i) {
+        ASSERT_TRUE(child->write(std::as_bytes(std::span(piece))).ok());
+    }
+    const auto result = child->finish();
+    ASSERT_TRUE(result.ok());
+    EXPECT_EQ(result->output.size(), 8 * piece.size());
+    EXPECT_EQ(result->errors.size(), 8 * piece.size());
+    EXPECT_EQ(result->exitCode, 5);
+}
+
+TEST(Process, AFedChildThatStopsReadingIsAnError) {
+    auto child = FedProcess::start({"sh", "-c", "echo enough >&2; exit 1"});
+    ASSERT_TRUE(child.ok());
+    const std::string piece(4 << 20, 'y');
+    const Status written = child->write(std::as_bytes(std::span(piece)));
+    ASSERT_FALSE(written.ok());
+    EXPECT_NE(written.error().message.find("enough"), std::string::npos);
+}
+
 TEST(Process, MegabytesInBothDirectionsDoNotBlock) {
     const std::string input(8 << 20, 'x');
     const auto result = runProcess({"sh", "-c", "tee /dev/stderr"}, {.input = input});
