@@ -4,6 +4,9 @@
 #include "app/export.h"
 #include "app/import.h"
 #include "app/info.h"
+#include "app/light.h"
+#include "app/render.h"
+#include "app/stage.h"
 #include "app/system_info.h"
 #include "app/text.h"
 #include "engine/core/log.h"
@@ -25,6 +28,9 @@ struct Arguments {
     InfoOptions info;
     ExportOptions exported;
     ImportOptions imported;
+    RenderOptions render;
+    StageOptions stage;
+    LightOptions light;
     OutputOptions output;
     bool measure = false;
     std::string logLevel;
@@ -121,6 +127,184 @@ void addImport(CLI::App& app, Arguments& arguments) {
     addOutputOptions(command, arguments);
 }
 
+void addFrameOptions(CLI::App& command, FrameOptions& options) {
+    command.add_option("--device", options.device, "Where to compute: auto (default), cpu, cuda, cuda:N")
+        ->type_name("D")
+        ->group("Frame");
+    command
+        .add_option("--occlusion", options.occlusion,
+                    "Ambient occlusion: body (default), reference, mesh_rays, rasterised, baked, off")
+        ->type_name("METHOD")
+        ->group("Frame");
+    command
+        .add_option("--radius", options.radius,
+                    "Occlusion radius in metres, one for all nine parts, or PART=METRES with commas between them")
+        ->type_name("R")
+        ->group("Frame");
+    command.add_option("--set", options.settings, "Change a setting, e.g. occlusion.thickness=0.3; repeat for more")
+        ->type_name("GROUP.NAME=VALUE")
+        ->group("Frame");
+}
+
+void addLightOptions(CLI::App& command, std::string& environment, double& scale, double& rotation, int& size) {
+    command
+        .add_option("--env", environment,
+                    "Light: EXR or HDR (lat-long or cube), a folder of six faces, sky[:ELEVATION,AZIMUTH], "
+                    "studio[:PRESET], uniform (default: studio)")
+        ->type_name("E")
+        ->group("Light");
+    command.add_option("--env-scale", scale, "Factor of the light")->type_name("S")->group("Light");
+    command.add_option("--env-rotation", rotation, "Degrees about +y; positive takes +z towards +x")
+        ->type_name("DEG")
+        ->group("Light");
+    command.add_option("--light-size", size, "Side of the cube that is filtered, a power of two (default 512)")
+        ->type_name("N")
+        ->check(CLI::IsMember({64, 128, 256, 512, 1024, 2048, 4096}).description(""))
+        ->group("Light");
+}
+
+void addDisplayOptions(CLI::App& command, DisplayOptions& options) {
+    command.add_option("--exposure", options.exposureEv, "Stops before the tone curve")
+        ->type_name("EV")
+        ->group("Display");
+    command.add_option("--curve", options.curve, "Tone curve: none (default), aces, agx")
+        ->type_name("C")
+        ->group("Display");
+    command.add_option("--background", options.background, "sRGB grey, or R,G,B, in [0,1] (default 0.5)")
+        ->type_name("GREY|R,G,B")
+        ->group("Display");
+    command.add_flag("--transparent", options.transparent, "PNG with alpha instead of a background")->group("Display");
+    command.add_flag("--backdrop", options.backdrop, "Put the light's picture behind the avatar")->group("Display");
+}
+
+void addRender(CLI::App& app, Arguments& arguments) {
+    RenderOptions& options = arguments.render;
+    CLI::App& command = *app.add_subcommand("render", "Render pictures, EXR buffers and films of an avatar");
+    command.add_option("--avatar", options.avatar, "rest:TEMPLATE (a skinned glb, a mesh, a body) or rest:open")
+        ->type_name("A")
+        ->required();
+    command.add_option("--surfels", options.surfels, "About how many surfels a rest: avatar gets")
+        ->type_name("N")
+        ->check(CLI::Range(1, 10000000).description(""));
+    command.add_option("--pose", options.pose, "rest (default), canonical, relaxed, or a file with poses")
+        ->type_name("rest|canonical|relaxed|FILE");
+    command.add_option("--frame", options.poseFrame, "Frame of the pose file, from 0")->type_name("N");
+    command.add_option("--motion", options.motion, "A motion: npz (smpl_params, AMASS), npy, BVH or glTF")
+        ->type_name("FILE");
+    command.add_option("--frames", options.frames, "Frames a to b-1 of the motion, counted after --fps")
+        ->type_name("A:B");
+    addMotionOptions(command, options.map, options.up, options.framesPerSecond);
+    command.add_option("--camera", options.camera, "A camera JSON, or CALIBRATION.json:NAME")
+        ->type_name("FILE[:NAME]")
+        ->group("Camera");
+    command.add_option("--orbit", options.orbit, "Turn the camera around the avatar once in N frames")
+        ->type_name("N")
+        ->check(CLI::Range(1, 100000).description(""))
+        ->group("Camera");
+    command
+        .add_option("--azimuth", options.azimuthDeg,
+                    "Without --camera: where it starts; 0 sees the front, 90 the left side")
+        ->type_name("DEG")
+        ->group("Camera");
+    command.add_option("--elevation", options.elevationDeg, "Without --camera: height above the horizon (default 8)")
+        ->type_name("DEG")
+        ->check(CLI::Range(-89.0, 89.0).description(""))
+        ->group("Camera");
+    command.add_option("--fov", options.fieldDeg, "Without --camera: opening angle from top to bottom (default 30)")
+        ->type_name("DEG")
+        ->check(CLI::Range(1.0, 150.0).description(""))
+        ->group("Camera");
+    command.add_option("--size", options.size, "Pixels (default: the camera's, or 512x512)")
+        ->type_name("WxH")
+        ->group("Camera");
+    addLightOptions(command, options.environment, options.environmentScale, options.environmentRotationDeg,
+                    options.lightSize);
+    command.add_option("--env-orbit", options.environmentOrbit, "Turn the light around once in N frames")
+        ->type_name("N")
+        ->check(CLI::Range(1, 100000).description(""))
+        ->group("Light");
+    addFrameOptions(command, options.frame);
+    addDisplayOptions(command, options.display);
+    command.add_option("--aov", options.buffers, "Buffers to write: all, or names with commas between them")
+        ->type_name("all|LIST");
+    command
+        .add_option(
+            "--write", options.formats,
+            "What to write: png, exr, buffers (a PNG each), mp4 (default: png, exr with --aov, mp4 for several frames)")
+        ->type_name("LIST");
+    command.add_option("--out", options.out, "Folder for the files")->type_name("DIR")->required();
+    addOutputOptions(command, arguments);
+    std::string buffers;
+    for (const BufferInfo& info : bufferCatalogue())
+        buffers += fmt::format("{}{}", buffers.empty() ? "" : ", ", info.name);
+    command.footer(fmt::format("Buffers: {}.\nSettings of --set:\n{}", buffers, describeSettings()));
+}
+
+void addStage(CLI::App& app, Arguments& arguments) {
+    StageOptions& options = arguments.stage;
+    CLI::App& stage = *app.add_subcommand("stage", "Run one stage of a frame alone, from file to file");
+    stage.require_subcommand(1);
+    const auto common = [&](CLI::App& command, const char* input, const char* help) {
+        command.add_option(input, options.input, help)->type_name("")->required();
+        command.add_option("--out", options.out, "EXR to write")->type_name("OUT.exr")->required();
+        addOutputOptions(command, arguments);
+    };
+    const auto camera = [&](CLI::App& command) {
+        command.add_option("--camera", options.camera, "A camera JSON, or CALIBRATION.json:NAME")
+            ->type_name("FILE[:NAME]");
+        addFrameOptions(command, options.frame);
+    };
+    CLI::App& maps = *stage.add_subcommand("maps", "Template to canonical, position and deformation-prior maps");
+    common(maps, "TEMPLATE", "A template, or open for the open body");
+    maps.add_option("--size", options.mapSize, "Side of a map in pixels, even (default 512)")
+        ->type_name("N")
+        ->check(CLI::Range(8, 4096).description(""));
+    maps.add_option("--pose", options.pose, "canonical (default), rest, or a file with poses")->type_name("P");
+    maps.add_option("--frame", options.poseFrame, "Frame of the pose file, from 0")->type_name("N");
+    CLI::App& splat = *stage.add_subcommand("splat", "Surfels (PLY) to the G-buffer");
+    common(splat, "SURFELS", "A PLY in the layout of 3D Gaussian Splatting");
+    camera(splat);
+    splat.add_option("--aov", options.buffers, "Buffers to write (default: all that the surfels have)")
+        ->type_name("LIST");
+    CLI::App& occlude = *stage.add_subcommand("occlude", "Depth, normal and radius to ambient occlusion");
+    common(occlude, "BUFFERS", "EXR with depth.Z, normal.XYZ, radius.Y; optional importance.Y, bone.XYZ, opacity.Y");
+    camera(occlude);
+    CLI::App& shade = *stage.add_subcommand("shade", "Materials, normals and light to a picture");
+    common(shade, "BUFFERS", "EXR with albedo.RGB, roughness.Y, normal.XYZ, and opacity.Y or depth.Z; optional ao.Y");
+    camera(shade);
+    addLightOptions(shade, options.environment, options.environmentScale, options.environmentRotationDeg,
+                    options.lightSize);
+}
+
+void addLight(CLI::App& app, Arguments& arguments) {
+    LightOptions& options = arguments.light;
+    CLI::App& command = *app.add_subcommand("light", "Look at, convert, generate and prefilter environments");
+    command
+        .add_option("LIGHT", options.source,
+                    "EXR or HDR (lat-long or cube), a folder of six faces, sky[:ELEVATION,AZIMUTH], studio[:PRESET]")
+        ->type_name("")
+        ->required();
+    command.add_option("--set", options.settings, "Change a setting of sky or studio; repeat for more")
+        ->type_name("NAME=VALUE");
+    command.add_option("--out", options.out, "Write it: .exr, .hdr, or .png and .jpg as a preview")->type_name("FILE");
+    command.add_option("--size", options.size, "Pixels of the lat-long picture")->type_name("WxH");
+    command.add_option("--cube", options.cube, "Write a strip of six faces of this side instead")
+        ->type_name("N")
+        ->check(CLI::Range(1, 4096).description(""));
+    command.add_option("--rotation", options.rotationDeg, "Degrees about +y; positive takes +z towards +x")
+        ->type_name("DEG");
+    command.add_option("--scale", options.scale, "Factor of the light")->type_name("S");
+    command.add_option("--prefilter", options.prefilter, "Folder for the split-sum levels, irradiance and table")
+        ->type_name("DIR");
+    command.add_option("--light-size", options.lightSize, "Side of the cube that is filtered (default 512)")
+        ->type_name("N")
+        ->check(CLI::IsMember({64, 128, 256, 512, 1024, 2048, 4096}).description(""));
+    command.add_option("--device", options.device, "Where to compute: auto (default), cpu, cuda, cuda:N")
+        ->type_name("D");
+    addOutputOptions(command, arguments);
+    command.footer(describeLightSettings());
+}
+
 std::vector<std::string> commandNames(const CLI::App& app) {
     std::vector<std::string> names;
     for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
@@ -158,18 +342,28 @@ int reportUsage(const Error& error, const std::string& command, const OutputOpti
     return kWrongUsage;
 }
 
+int runStage(const CLI::App& stage, const StageOptions& options) {
+    if (stage.got_subcommand("maps")) return runStageMaps(options);
+    if (stage.got_subcommand("splat")) return runStageSplat(options);
+    if (stage.got_subcommand("occlude")) return runStageOcclude(options);
+    return runStageShade(options);
+}
+
 int runParsed(const CLI::App& app, Arguments& arguments) {
     for (LogLevel level : {LogLevel::Debug, LogLevel::Info, LogLevel::Warning, LogLevel::Error}) {
         if (arguments.logLevel == logLevelName(level)) setLogLevel(level);
     }
     arguments.info.output = arguments.exported.output = arguments.imported.output = arguments.output;
+    arguments.render.output = arguments.stage.output = arguments.light.output = arguments.output;
     if (app.got_subcommand("info") && arguments.info.files.empty())
         return runSystemInfo(arguments.measure, arguments.output);
     if (app.got_subcommand("info")) return runInfo(arguments.info);
     if (app.got_subcommand("export")) return runExport(arguments.exported);
     if (app.got_subcommand("import")) return runImport(arguments.imported);
-    fmt::print("{}", app.help());
-    return kSuccess;
+    if (app.got_subcommand("render")) return runRender(arguments.render);
+    if (app.got_subcommand("light")) return runLight(arguments.light);
+    if (app.got_subcommand("stage")) return runStage(*app.get_subcommand("stage"), arguments.stage);
+    return runTurntable(arguments.output);
 }
 
 } // namespace
@@ -184,6 +378,9 @@ int runCommandLine(const std::vector<std::string>& given) {
     addInfo(app, arguments);
     addExport(app, arguments);
     addImport(app, arguments);
+    addRender(app, arguments);
+    addStage(app, arguments);
+    addLight(app, arguments);
 
     OutputOptions early; // before the arguments are understood
     early.json = std::find(given.begin(), given.end(), "--json") != given.end();

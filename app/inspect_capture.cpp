@@ -1,6 +1,6 @@
-#include "app/calibration.h"
 #include "app/inspect.h"
 #include "app/text.h"
+#include "engine/capture/calibration.h"
 #include "engine/core/file.h"
 #include "engine/core/parallel.h"
 #include "engine/io/jpeg.h"
@@ -43,17 +43,17 @@ void addCameras(FileReport& report, const std::vector<CalibratedCamera>& cameras
     bool distorted = false;
     for (const CalibratedCamera& camera : cameras) {
         names.push_back(camera.name);
-        ++sizes[{camera.width, camera.height}];
+        const Camera& view = camera.camera;
+        ++sizes[{view.width, view.height}];
         narrow = std::min(narrow, camera.verticalFieldDeg());
         wide = std::max(wide, camera.verticalFieldDeg());
-        const double distance = glm::length(camera.centerWorld());
+        const double distance = glm::length(view.centerWorld());
         near = std::min(near, distance);
         far = std::max(far, distance);
         distorted = distorted || camera.distorted();
-        const double cx = camera.intrinsics[2][0], cy = camera.intrinsics[2][1];
-        if (cx < 0.0 || cy < 0.0 || cx > camera.width || cy > camera.height) {
+        if (view.cx < 0.0 || view.cy < 0.0 || view.cx > view.width || view.cy > view.height) {
             report.warn(fmt::format("camera \"{}\": the principal point ({:.1f}, {:.1f}) lies outside the picture",
-                                    camera.name, cx, cy));
+                                    camera.name, view.cx, view.cy));
         }
     }
     report.add("cameras", fmt::format("{}: {}", cameras.size(), listed(names, 4)), names);
@@ -178,7 +178,7 @@ Status checkPictures(const CaptureFiles& files, const std::map<std::string, Cali
             count,
             [&](std::size_t i) {
                 const auto& [picture, mask] = files.pictures[begin + i];
-                const CalibratedCamera& camera = cameras.at(picture.parent_path().filename().string());
+                const Camera& camera = cameras.at(picture.parent_path().filename().string()).camera;
                 results[i] = checkPicture(picture, camera.width, camera.height, options.limits);
                 if (results[i] && !mask.empty())
                     results[i] = checkPicture(mask, camera.width, camera.height, options.limits);

@@ -23,7 +23,7 @@ function(ars_room name)
             # The static runtime finds the driver when it is first used: the program starts on a machine without one.
             target_link_libraries(${target} PRIVATE CUDA::cudart_static)
             target_compile_options(${target} PRIVATE
-                $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -Xcompiler=-Wall,-Wextra>)
+                $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -Xcompiler=-Wall,-Wextra --diag-suppress=554>)
             # fmt 9 switches constexpr off under nvcc but not everywhere; the definition makes it consistent.
             target_compile_definitions(${target} PRIVATE $<$<COMPILE_LANGUAGE:CUDA>:GLM_FORCE_CUDA>
                 $<$<COMPILE_LANGUAGE:CUDA>:FMT_USE_CONSTEXPR=1>)

@@ -217,6 +217,15 @@ std::vector<MemoryUse> memoryUse() {
     return result;
 }
 
+Status waitForDevice(const Device& device) {
+    if (device.kind == DeviceKind::Host) return {};
+#if ARS_HAVE_CUDA
+    return cuda::wait(device.index);
+#else
+    return makeError(ErrorCode::Unavailable, deviceName(device), "this build has no CUDA");
+#endif
+}
+
 Result<MemoryInfo> deviceMemory(const Device& device) {
     if (device.kind == DeviceKind::Cuda) {
 #if ARS_HAVE_CUDA

@@ -75,6 +75,9 @@ Status copyBuffer(Buffer& destination, const Buffer& source, std::size_t bytes);
 Status uploadBuffer(Buffer& destination, std::span<const std::byte> source);
 Status downloadBuffer(std::span<std::byte> destination, const Buffer& source);
 
+/// Waits until everything queued on the device is done; nothing to wait for on the host. Reports what went wrong there.
+Status waitForDevice(const Device& device);
+
 /// One owner's share of one device.
 struct MemoryUse {
     std::string owner;

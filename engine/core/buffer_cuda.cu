@@ -60,4 +60,9 @@ Result<MemoryInfo> memory(int device) {
     return MemoryInfo{freeBytes, totalBytes};
 }
 
+Status wait(int device) {
+    ARS_TRY_STATUS(check(cudaSetDevice(device), "selecting the device"));
+    return check(cudaDeviceSynchronize(), "waiting for the device");
+}
+
 } // namespace ars::cuda

@@ -11,5 +11,6 @@ void release(int device, void* data) noexcept;
 Status copy(void* destination, const Device& destinationDevice, const void* source, const Device& sourceDevice,
             std::size_t bytes);
 Result<MemoryInfo> memory(int device);
+Status wait(int device);
 
 } // namespace ars::cuda

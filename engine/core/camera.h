@@ -35,6 +35,8 @@ struct PinholeCamera {
     /// The ray through image position (u, v) in camera space, scaled to z = 1: depth times this is the point.
     ARS_HD glm::vec<3, T, glm::defaultp> ray(T u, T v) const { return {(u - cx) / fx, (v - cy) / fy, T(1)}; }
 
+    bool operator==(const PinholeCamera&) const = default;
+
     template <typename U>
     PinholeCamera<U> as() const {
         return {width,

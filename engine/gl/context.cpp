@@ -15,6 +15,7 @@ struct Candidate {
     std::string name;
     EGLDisplay display = EGL_NO_DISPLAY;
     bool software = false;
+    std::optional<int> cudaDevice;
 };
 
 template <typename Function>
@@ -26,8 +27,18 @@ bool hasExtension(const char* list, std::string_view name) {
     return list && std::string_view(list).find(name) != std::string_view::npos;
 }
 
-/// Every display that needs no X server, hardware first.
-std::vector<Candidate> candidates() {
+constexpr EGLint kCudaDeviceAttribute = 0x323A; // EGL_CUDA_DEVICE_NV of EGL_NV_device_cuda
+
+std::optional<int> cudaOrdinal(EGLDeviceEXT device, const char* extensions) {
+    const auto queryAttribute = eglFunction<PFNEGLQUERYDEVICEATTRIBEXTPROC>("eglQueryDeviceAttribEXT");
+    EGLAttrib ordinal = -1;
+    if (!queryAttribute || !hasExtension(extensions, "EGL_NV_device_cuda")) return std::nullopt;
+    if (!queryAttribute(device, kCudaDeviceAttribute, &ordinal) || ordinal < 0) return std::nullopt;
+    return static_cast<int>(ordinal);
+}
+
+/// Every display that needs no X server: the one of the wanted CUDA device, other hardware, software.
+std::vector<Candidate> candidates(const Device& match) {
     std::vector<Candidate> result;
     const char* client = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
     const auto getDisplay = eglFunction<PFNEGLGETPLATFORMDISPLAYEXTPROC>("eglGetPlatformDisplayEXT");
@@ -41,13 +52,19 @@ std::vector<Candidate> candidates() {
         for (EGLint i = 0; i < count; ++i) {
             const char* extensions = queryDeviceString(devices[i], EGL_EXTENSIONS);
             result.push_back({fmt::format("EGL device {}", i), getDisplay(EGL_PLATFORM_DEVICE_EXT, devices[i], nullptr),
-                              hasExtension(extensions, "EGL_MESA_device_software")});
+                              hasExtension(extensions, "EGL_MESA_device_software"),
+                              cudaOrdinal(devices[i], extensions)});
         }
+        auto rank = [&](const Candidate& candidate) {
+            if (match.kind == DeviceKind::Cuda && candidate.cudaDevice == match.index) return 0;
+            return candidate.software ? 2 : 1;
+        };
         std::stable_sort(result.begin(), result.end(),
-                         [](const Candidate& a, const Candidate& b) { return a.software < b.software; });
+                         [&](const Candidate& a, const Candidate& b) { return rank(a) < rank(b); });
     }
     if (hasExtension(client, "EGL_MESA_platform_surfaceless")) {
-        result.push_back({"EGL surfaceless", getDisplay(EGL_PLATFORM_SURFACELESS_MESA, nullptr, nullptr), true});
+        result.push_back(
+            {"EGL surfaceless", getDisplay(EGL_PLATFORM_SURFACELESS_MESA, nullptr, nullptr), true, std::nullopt});
     }
     return result;
 }
@@ -84,9 +101,19 @@ std::string glText(GLenum name) {
 
 } // namespace
 
-Result<std::unique_ptr<HeadlessContext>> HeadlessContext::create() {
+void GlContext::describe(std::string platform) {
+    info_.platform = std::move(platform);
+    info_.vendor = glText(GL_VENDOR);
+    info_.renderer = glText(GL_RENDERER);
+    info_.version = glText(GL_VERSION);
+    for (const char* name : {"llvmpipe", "softpipe", "swrast", "SwiftShader"}) {
+        if (info_.renderer.find(name) != std::string::npos) info_.software = true;
+    }
+}
+
+Result<std::unique_ptr<HeadlessContext>> HeadlessContext::create(const Device& match) {
     std::string tried;
-    for (const Candidate& candidate : candidates()) {
+    for (const Candidate& candidate : candidates(match)) {
         Result<EGLContext> context = openContext(candidate.display);
         if (!context) {
             tried += fmt::format("{}{}: {}", tried.empty() ? "" : "; ", candidate.name, context.error().message);
@@ -95,9 +122,12 @@ Result<std::unique_ptr<HeadlessContext>> HeadlessContext::create() {
         std::unique_ptr<HeadlessContext> result(new HeadlessContext);
         result->display_ = candidate.display;
         result->context_ = *context;
-        result->info_ = {candidate.name, glText(GL_VENDOR), glText(GL_RENDERER), glText(GL_VERSION),
-                         candidate.software};
-        if (result->info_.renderer.find("llvmpipe") != std::string::npos) result->info_.software = true;
+        result->info_.software = candidate.software;
+        result->info_.cudaDevice = candidate.cudaDevice;
+        result->describe(candidate.name);
+        result->info_.chosen = fmt::format("{} ({}{}){}{}", candidate.name, result->info_.renderer,
+                                           candidate.cudaDevice ? fmt::format(", cuda:{}", *candidate.cudaDevice) : "",
+                                           tried.empty() ? "" : "; passed over ", tried);
         return result;
     }
     return makeError(ErrorCode::Unavailable, "OpenGL",
