@@ -240,6 +240,7 @@ struct RenderSummary {
     double seconds = 0;
     std::array<double, kFrameStageCount> stageMs{}; ///< of all frames together
     std::vector<fs::path> files;
+    std::vector<MemoryUse> memory; ///< of the buffers, at the end
 };
 
 Result<RenderSummary> renderFrames(const RenderOptions& options, const RenderPlan& plan,
@@ -273,6 +274,7 @@ Result<RenderSummary> renderFrames(const RenderOptions& options, const RenderPla
     summary.frames = plan.frameCount;
     summary.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     summary.files = writer.files();
+    summary.memory = memoryUse();
     return summary;
 }
 
@@ -289,6 +291,13 @@ void describe(const RenderOptions& options, const RenderPlan& plan, const Render
         for (int i = 0; i < kFrameStageCount; ++i) {
             json["stages_ms"][std::string(frameStageName(static_cast<FrameStage>(i)))] =
                 summary.stageMs[static_cast<std::size_t>(i)] / static_cast<double>(summary.frames);
+        }
+        json["memory"] = Json::array();
+        for (const MemoryUse& use : summary.memory) {
+            json["memory"].push_back(Json{{"owner", use.owner},
+                                          {"device", deviceName(use.device)},
+                                          {"bytes", use.bytes},
+                                          {"peak_bytes", use.peakBytes}});
         }
         return printJson(json);
     }

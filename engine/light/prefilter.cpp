@@ -74,8 +74,8 @@ Status filterLevel(const Device& device, FilterArguments arguments, bool diffuse
 #endif
 }
 
-/// A draft halves no level below this side: the smallest cost next to nothing, and their texels are wide enough.
-constexpr int kSmallestDraftLevel = 32;
+/// A draft halves no level below this side: the smallest costs next to nothing.
+constexpr int kSmallestDraftLevel = 16;
 
 /// Sides of the levels: halves down to 16, one step further for a draft.
 int levelSide(int baseSize, int level, LightQuality quality) {

@@ -14,7 +14,7 @@ namespace ars {
 
 /// What a prefiltered light is good for; the studio says which one is shown.
 enum class LightQuality {
-    Draft, ///< every level at half its side (not below 32): a swap within a frame or two; a few percent off
+    Draft, ///< every level at half its side (not below 16): a swap within a frame or two; a few percent off
            ///< (docs/math/light.md)
     Exact, ///< the paper's sides
 };

@@ -14,7 +14,7 @@ namespace ars {
 struct MeshOcclusionParams {
     int rays = 256;        ///< cosine-distributed rays a point [1 .. 65536]
     float offsetM = 1e-3f; ///< a ray starts this far along the normal, metres
-    float sinkM = 5e-3f;   ///< how deep a point may lie under the mesh's outer side and still see out, metres
+    float sinkM = 0.02f;   ///< how deep a point may lie under the mesh's outer side and still see out, metres
 
     bool operator==(const MeshOcclusionParams&) const = default;
 };

@@ -65,6 +65,11 @@ TEST(Render, APictureCarriesWhatMadeIt) {
     EXPECT_EQ(json["frames"], 1);
     EXPECT_EQ(json["files"].size(), 1u);
     EXPECT_GT(json["stages_ms"]["splat"].get<double>(), 0.0);
+    bool splatMemory = false;
+    for (const auto& use : json["memory"]) {
+        splatMemory = splatMemory || (use["owner"].get<std::string>().starts_with("splat") && use["peak_bytes"] > 0);
+    }
+    EXPECT_TRUE(splatMemory) << json["memory"];
     // There is a body in the middle and background in the corner.
     const glm::vec3 corner(png->image.at(0, 0, 0), png->image.at(0, 0, 1), png->image.at(0, 0, 2));
     EXPECT_NEAR(corner.x, 0.5f, 0.003f);

@@ -2,7 +2,9 @@
 #include "engine/frame/display.h"
 #include "engine/frame/framing.h"
 #include "engine/gl/context.h"
+#include "engine/gl/opengl.h"
 #include "engine/gl/presenter.h"
+#include "engine/gl/window.h"
 
 #include "tests/support/test_data.h"
 
@@ -205,6 +207,36 @@ TEST_F(PresenterTest, WhatDoesNotFitIsRefused) {
     makePicture(BufferId::Beauty, picture, opacity);
     opacity.width = 32;
     EXPECT_FALSE(presenter_->setPicture(viewOf(picture), viewOf(opacity), {}).ok());
+}
+
+TEST(Window, HasTheSameFaceAsAContextWithoutOne) {
+    WindowOptions options;
+    options.width = 200;
+    options.height = 120;
+    auto window = WindowContext::create(options);
+    if (!window) {
+        EXPECT_EQ(window.error().code, ErrorCode::Unavailable);
+        EXPECT_NE(window.error().message.find("no display"), std::string::npos) << window.error().message;
+        test::notRun("opening a window needs a display");
+        return;
+    }
+    GlContext& context = **window;
+    ASSERT_TRUE(context.makeCurrent().ok());
+    EXPECT_NE(context.info().version.find("4.5"), std::string::npos) << context.info().version;
+    auto presenter = Presenter::create();
+    ASSERT_TRUE(presenter.ok()) << presenter.error().describe();
+    const float red[4] = {1, 0, 0, 1}, covered = 1;
+    ASSERT_TRUE((*presenter)->setPicture({red, 1, 1, 4}, {&covered, 1, 1, 1}, {}).ok());
+    int width = 0, height = 0;
+    (*window)->framebufferSize(width, height);
+    const Camera camera = lookAtCamera({0, 1, 3}, {0, 1, 0}, 40, width, height);
+    ASSERT_TRUE((*presenter)->draw(defaultPresentSettings(BufferId::Beauty), camera, {}, 0, 0, width, height).ok());
+    unsigned char pixel[4] = {};
+    glReadPixels(width / 2, height / 2, 1, 1, GL_RGBA, GL_UNSIGNED_BYTE, pixel);
+    EXPECT_EQ(pixel[0], 255);
+    EXPECT_EQ(pixel[1], 0);
+    (*window)->swapBuffers();
+    EXPECT_FALSE((*window)->closing());
 }
 
 TEST(HeadlessContext, SaysWhatItChose) {

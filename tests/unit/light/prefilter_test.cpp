@@ -148,7 +148,7 @@ TEST(Prefilter, SaysWhatQualityItHolds) {
     params.quality = LightQuality::Draft;
     const PrefilteredLight draft = test::filtered({}, base, params);
     EXPECT_EQ(draft.quality, LightQuality::Draft);
-    const int sides[4] = {64, 32, 32, 16};
+    const int sides[4] = {64, 32, 16, 16};
     for (std::size_t l = 0; l < 4; ++l) EXPECT_EQ(draft.specular[l].width(), sides[l]);
     EXPECT_EQ(lightQualityName(draft.quality), "draft");
 }

@@ -1,5 +1,7 @@
 #include "tests/unit/surfel/splat_support.h"
 
+#include <numeric>
+
 #include <nlohmann/json.hpp>
 
 #include <limits>
@@ -208,6 +210,35 @@ TEST(SplatInput, ParametersHaveATable) {
     EXPECT_TRUE(params.twoSided);
     EXPECT_FALSE(table.setText(params, "kernel", "box").ok());
     EXPECT_EQ(table.toJson(params)["kernel"], "ray_splat");
+}
+
+/// A cloud far beyond any avatar: everything is counted in 64 bits and nothing grows with the square.
+TEST(SplatInput, TenMillionSurfelsAreAPicture) {
+    const std::size_t count = 10'000'000;
+    Surfels s;
+    s.means.resize(count);
+    s.rotations.assign(4 * count, 0.0f);
+    s.scales.assign(count, glm::vec2(1e-3f));
+    s.opacities.assign(count, 0.5f);
+    for (std::size_t i = 0; i < count; ++i) {
+        // A box of points before the camera, each seen from its front (half a turn about x).
+        s.means[i] = {0.8f * (static_cast<float>(i % 1000) / 1000.0f - 0.5f),
+                      0.8f * (static_cast<float>(i / 1000 % 1000) / 1000.0f - 0.5f),
+                      2.0f + 0.01f * static_cast<float>(i / 1'000'000)};
+        s.rotations[4 * i + 1] = 1.0f;
+    }
+    GBuffer gbuffer;
+    SplatWorkspace workspace;
+    SplatStats stats;
+    const Status status = splat({}, viewOf(s), straightCamera(64, 64, 80, 32, 32), {Channel::Opacity, Channel::Depth},
+                                gbuffer, workspace, nullptr, &stats);
+    ASSERT_TRUE(status.ok()) << status.error().describe();
+    EXPECT_EQ(stats.surfels, count);
+    EXPECT_EQ(std::accumulate(stats.fates.begin(), stats.fates.end(), std::uint64_t(0)), count);
+    EXPECT_EQ(stats.visible(), count);
+    EXPECT_GE(stats.instances, count);
+    const auto depth = gbuffer[Channel::Depth].view();
+    EXPECT_NEAR(depth[32 * 64 + 32], 2.0f, 1e-3f) << "the nearest layer hides the others";
 }
 
 } // namespace
