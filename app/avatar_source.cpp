@@ -7,7 +7,20 @@
 
 namespace ars::app {
 
-Result<LoadedAvatar> loadAvatar(const std::string& source, int surfels, const ProgressFunction& progress) {
+namespace {
+constexpr std::string_view kSettingPrefix = "rest.";
+}
+
+bool isAvatarSetting(const std::string& setting) { return setting.starts_with(kSettingPrefix); }
+
+std::string describeAvatarSettings() {
+    std::vector<ParameterInfo> infos = restAvatarParameters().infos();
+    for (ParameterInfo& info : infos) info.name = std::string(kSettingPrefix) + info.name;
+    return describeParameters(infos);
+}
+
+Result<LoadedAvatar> loadAvatar(const std::string& source, int surfels, const std::vector<std::string>& settings,
+                                const ProgressFunction& progress) {
     constexpr std::string_view prefix = "rest:";
     if (!source.starts_with(prefix)) {
         return makeError(
@@ -16,6 +29,16 @@ Result<LoadedAvatar> loadAvatar(const std::string& source, int surfels, const Pr
                         printable(source)));
     }
     RestAvatarOptions options;
+    for (const std::string& setting : settings) {
+        if (!isAvatarSetting(setting)) continue;
+        const std::size_t equal = std::min(setting.find('='), setting.size());
+        const Status set = restAvatarParameters().setText(
+            options, setting.substr(kSettingPrefix.size(), equal - kSettingPrefix.size()),
+            setting.substr(std::min(equal + 1, setting.size())));
+        if (!set) {
+            return makeError(ErrorCode::InvalidArgument, "--set", fmt::format("rest.{}", set.error().describe()));
+        }
+    }
     if (surfels > 0) options.maxSurfels = surfels;
     ARS_TRY(std::unique_ptr<RestAvatar> rest, restAvatarFromFile(source.substr(prefix.size()), options, progress));
     LoadedAvatar loaded;

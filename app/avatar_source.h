@@ -17,6 +17,13 @@ struct LoadedAvatar {
 /// `rest:TEMPLATE` or `rest:open`: surfels straight from a skinned mesh. Errors' place is --avatar for what is no
 /// avatar.
 /// @param surfels  how many, about; 0: the default
-Result<LoadedAvatar> loadAvatar(const std::string& source, int surfels, const ProgressFunction& progress);
+/// @param settings "rest.NAME=VALUE" of --set; others are passed over
+Result<LoadedAvatar> loadAvatar(const std::string& source, int surfels, const std::vector<std::string>& settings,
+                                const ProgressFunction& progress);
+
+/// Whether a --set is one of the avatar's.
+bool isAvatarSetting(const std::string& setting);
+/// The rows that --set rest.NAME reaches, for help.
+std::string describeAvatarSettings();
 
 } // namespace ars::app

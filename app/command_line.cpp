@@ -1,5 +1,6 @@
 #include "app/command_line.h"
 
+#include "app/avatar_source.h"
 #include "app/command.h"
 #include "app/export.h"
 #include "app/import.h"
@@ -237,7 +238,8 @@ void addRender(CLI::App& app, Arguments& arguments) {
     std::string buffers;
     for (const BufferInfo& info : bufferCatalogue())
         buffers += fmt::format("{}{}", buffers.empty() ? "" : ", ", info.name);
-    command.footer(fmt::format("Buffers: {}.\nSettings of --set:\n{}", buffers, describeSettings()));
+    command.footer(
+        fmt::format("Buffers: {}.\nSettings of --set:\n{}{}", buffers, describeAvatarSettings(), describeSettings()));
 }
 
 void addStage(CLI::App& app, Arguments& arguments) {

@@ -164,7 +164,9 @@ Status planOutput(const RenderOptions& options, RenderPlan& plan) {
 Result<RenderPlan> makePlan(const RenderOptions& options, ProgressBar& bar) {
     RenderPlan plan;
     ARS_TRY(plan.device, chooseDevice(options.frame.device));
-    ARS_TRY_STATUS(applyFrameOptions(options.frame, plan.inputs));
+    FrameOptions frame = options.frame;
+    std::erase_if(frame.settings, isAvatarSetting);
+    ARS_TRY_STATUS(applyFrameOptions(frame, plan.inputs));
     ARS_TRY(plan.display, displaySettings(options.display));
     if (options.display.transparent && options.display.backdrop) {
         return wrongUsage("--transparent", "a picture with the environment behind it is opaque; leave out --backdrop");
@@ -172,7 +174,8 @@ Result<RenderPlan> makePlan(const RenderOptions& options, ProgressBar& bar) {
     if (!(options.environmentScale >= 0.0) || !std::isfinite(options.environmentRotationDeg)) {
         return wrongUsage("--env-scale", "expected a factor of 0 or more");
     }
-    ARS_TRY(LoadedAvatar loaded, loadAvatar(options.avatar, options.surfels, bar.part(0.0, 0.08)));
+    ARS_TRY(LoadedAvatar loaded,
+            loadAvatar(options.avatar, options.surfels, options.frame.settings, bar.part(0.0, 0.08)));
     plan.avatar = std::move(loaded.avatar);
     plan.notes = std::move(loaded.notes);
     ARS_TRY_STATUS(planPoses(options, plan));
@@ -221,6 +224,7 @@ Json documentOf(const RenderOptions& options, const RenderPlan& plan, const Fram
     Json document{{"program", fmt::format("ars {}", ARS_VERSION)},
                   {"format", 1},
                   {"avatar", options.avatar},
+                  {"settings_given", options.frame.settings},
                   {"surfels", plan.avatar->rig().weights.pointCount()},
                   {"device", deviceName(plan.device)}};
     if (!options.motion.empty()) document["motion"] = Json{{"file", options.motion}, {"frame", frame}};

@@ -24,12 +24,12 @@ struct EnumWords<RestSampling> {
 
 struct RestAvatarOptions {
     RestSampling sampling = RestSampling::Surface;
-    int maxSurfels = 60000;    ///< at most so many; Surface: about so many
-    float spacingM = 0.0f;     ///< Surface: least distance of neighbours, metres; 0: from maxSurfels and the area
-    float scaleFactor = 0.55f; ///< standard deviation over the distance to the three nearest neighbours
-    float opacity = 0.99f;     ///< of every surfel
-    float insetM = 0.0035f;    ///< surfels lie this far inside the surface, metres (docs/math/posing.md, Silhouettes)
-    bool twoSided = false;     ///< a second surfel behind each, for open garments seen from inside
+    int maxSurfels = 60000;   ///< at most so many; Surface: about so many
+    float spacingM = 0.0f;    ///< Surface: least distance of neighbours, metres; 0: from maxSurfels and the area
+    float scaleFactor = 0.7f; ///< standard deviation over the distance to the three nearest neighbours
+    float opacity = 0.99f;    ///< of every surfel
+    float insetM = 0.0042f;   ///< surfels lie this far inside the surface, metres (docs/math/posing.md, Silhouettes)
+    bool twoSided = false;    ///< a second surfel behind each, for open garments seen from inside
     int seed = 1;
 };
 const ParameterTable<RestAvatarOptions>& restAvatarParameters();

@@ -357,11 +357,16 @@ Result<ObjFile> readObj(const std::filesystem::path& path, const ReadLimits& lim
 
 Result<std::string> formatObj(const TriangleMesh& mesh, const std::string& materialLibrary) {
     ARS_TRY_STATUS(validateMesh(mesh));
-    const auto hasLineEnd = [](const std::string& name) { return name.find_first_of("\r\n") != std::string::npos; };
-    if (hasLineEnd(mesh.name) || hasLineEnd(materialLibrary) ||
-        std::any_of(mesh.materialNames.begin(), mesh.materialNames.end(), hasLineEnd)) {
-        return makeError(ErrorCode::InvalidArgument, "",
-                         "a mesh or material name with a line end cannot stand in an OBJ file");
+    // A backslash at the end of a line goes on in the next one.
+    const auto breaksTheLine = [](const std::string& name) {
+        const std::size_t last = name.find_last_not_of(" \t\v\f");
+        return name.find_first_of("\r\n") != std::string::npos || (last != std::string::npos && name[last] == '\\');
+    };
+    if (breaksTheLine(mesh.name) || breaksTheLine(materialLibrary) ||
+        std::any_of(mesh.materialNames.begin(), mesh.materialNames.end(), breaksTheLine)) {
+        return makeError(
+            ErrorCode::InvalidArgument, "",
+            "a mesh or material name with a line end, or a backslash at its end, cannot stand in an OBJ file");
     }
     std::string text;
     const auto out = std::back_inserter(text);

@@ -1,5 +1,5 @@
 // Compares the renderer with the path-traced validation capture and writes the table and side-by-side pictures.
-// usage: compare_path_tracing CAPTURE_FOLDER OUT_FOLDER [SURFELS [METHOD,...]]
+// usage: compare_path_tracing CAPTURE_FOLDER OUT_FOLDER [SURFELS [METHOD,... [NAME=VALUE...]]]
 #include "tests/parity/path_tracing.h"
 
 #include "engine/core/file.h"
@@ -11,7 +11,8 @@
 
 int main(int argc, char** argv) {
     if (argc < 3) {
-        std::fprintf(stderr, "usage: compare_path_tracing CAPTURE_FOLDER OUT_FOLDER [SURFELS [METHOD,...]]\n");
+        std::fprintf(stderr,
+                     "usage: compare_path_tracing CAPTURE_FOLDER OUT_FOLDER [SURFELS [METHOD,... [NAME=VALUE...]]]\n");
         return 2;
     }
     ars::test::ComparisonOptions options;
@@ -21,6 +22,12 @@ int main(int argc, char** argv) {
         options.methods.clear();
         std::stringstream words(argv[4]);
         for (std::string word; std::getline(words, word, ',');) options.methods.push_back(word);
+    }
+    for (int i = 5; i < argc; ++i) {
+        const std::string setting = argv[i];
+        const std::size_t equal = setting.find('=');
+        options.rest.emplace_back(setting.substr(0, equal),
+                                  equal == std::string::npos ? "" : setting.substr(equal + 1));
     }
     const std::filesystem::path out = argv[2];
     std::filesystem::create_directories(out);

@@ -349,6 +349,7 @@ Result<Comparison> compareWithPathTracing(const fs::path& capture, const Compari
             readLightSource((capture / "casual_val" / "lights" / "courtyard.exr").string(), options.device));
     RestAvatarOptions rest;
     rest.maxSurfels = options.surfels;
+    for (const auto& [name, value] : options.rest) ARS_TRY_STATUS(restAvatarParameters().setText(rest, name, value));
     ARS_TRY(std::unique_ptr<RestAvatar> built,
             restAvatarFromFile((capture / "casual" / "template.glb").string(), rest));
     const std::shared_ptr<AvatarEvaluator> avatar = std::move(built);

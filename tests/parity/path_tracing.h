@@ -30,6 +30,7 @@ Result<std::vector<TruePicture>> readTruePictures(const std::filesystem::path& v
 /// What is compared: our avatar under the method's occlusion.
 struct ComparisonOptions {
     int surfels = 60000; ///< more only widen the outline: each adds its 0.3 px^2 of low-pass
+    std::vector<std::pair<std::string, std::string>> rest; ///< other settings of the rest avatar
     float radiusM = 0.25f;
     Device device;
     std::vector<std::string> methods; ///< body, reference, mesh_rays, rasterised, baked

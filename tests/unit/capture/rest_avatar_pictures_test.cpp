@@ -78,7 +78,7 @@ Status addPicture(const RestAvatar& avatar, const Pose& pose, const Camera& came
     ARS_TRY_STATUS(poseSurfels({}, {matrices, joints, rig.parts}, rig.weights, avatar.surfels(), posed));
     GBuffer gbuffer;
     SplatWorkspace workspace;
-    ARS_TRY_STATUS(splat({}, liveView(avatar.surfels(), posed), camera,
+    ARS_TRY_STATUS(splat({.depth = DepthMode::Filtered}, liveView(avatar.surfels(), posed), camera,
                          {Channel::Opacity, Channel::Depth, Channel::Normal}, gbuffer, workspace));
     compare(gbuffer, truth, camera, comparison);
     return {};

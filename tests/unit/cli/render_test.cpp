@@ -150,6 +150,7 @@ TEST(Render, WrongUsageIsSaidInOneSentence) {
         {{"--radius", "tail=0.1"}, "no part \"tail\""},
         {{"--set", "occlusion.thick=1"}, "occlusion.thick"},
         {{"--set", "occlusion.steps=1000"}, "steps"},
+        {{"--set", "rest.scale=1"}, "rest.scale"},
         {{"--set", "nothing.x=1"}, "no group \"nothing\""},
         {{"--curve", "film"}, "--curve"},
         {{"--background", "2"}, "--background"},

@@ -411,6 +411,8 @@ TEST(Obj, RoundTripIsExact) {
     EXPECT_EQ(again->materialLibraries, std::vector<std::string>{"tetra.mtl"});
     mesh.materialNames[0] = "two\nlines";
     expectError(formatObj(mesh), ErrorCode::InvalidArgument, "with a line end");
+    mesh.materialNames[0] = "goes on\\ ";
+    expectError(formatObj(mesh), ErrorCode::InvalidArgument, "a backslash at its end");
     mesh.triangles[0].x = 77;
     expectError(formatObj(mesh), ErrorCode::InvalidArgument, "triangle 0: names vertex 77");
 }
