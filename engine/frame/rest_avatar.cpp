@@ -1,6 +1,7 @@
 #include "engine/frame/rest_avatar.h"
 
 #include "engine/core/parallel.h"
+#include "engine/core/parameter_ranges.h"
 #include "engine/frame/surface_samples.h"
 #include "engine/frame/template_materials.h"
 #include "engine/io/file_recognition.h"
@@ -19,23 +20,8 @@ constexpr float kInvisible = 1.0f / 255.0f; ///< opacity below which the splatte
 /// Neighbour distances beyond this many spacings are those of lone islands, which must not swell.
 constexpr float kMostSpacings = 1.6f;
 
-/// A float that was set to a bound of its row may lie a rounding beyond it.
-ParameterValue withinRounding(ParameterValue value, const ParameterRange& range) {
-    double* number = std::get_if<double>(&value);
-    for (const double bound : {range.minimum, range.maximum}) {
-        if (number && std::abs(*number - bound) <= 1e-6 * std::abs(bound)) *number = bound;
-    }
-    return value;
-}
-
 Status checkOptions(const RestAvatarOptions& options) {
-    const auto& table = restAvatarParameters();
-    for (const ParameterInfo& info : table.infos()) {
-        ARS_TRY(ParameterValue value, table.get(options, info.name));
-        const auto checked = checkParameter(info, withinRounding(std::move(value), info.range));
-        if (!checked) return atPlace(checked.error(), "rest avatar");
-    }
-    return {};
+    return checkRanges(restAvatarParameters(), options, "rest avatar");
 }
 
 Status checkMesh(const TemplateMesh& mesh) {

@@ -1,6 +1,7 @@
 #include "engine/light/sky.h"
 
 #include "engine/core/parallel.h"
+#include "engine/core/parameter_ranges.h"
 #include "engine/light/atmosphere.h"
 #include "engine/light/cube_map.h"
 
@@ -181,15 +182,6 @@ void addSun(const SkyModel& model, const SkyParams& params, Image& picture) {
     }
 }
 
-Status checkSky(const SkyParams& params) {
-    for (const ParameterInfo& info : skyParameters().infos()) {
-        ARS_TRY(ParameterValue value, skyParameters().get(params, info.name));
-        auto checked = checkParameter(info, std::move(value));
-        if (!checked) return atPlace(std::move(checked).error(), "sky");
-    }
-    return {};
-}
-
 } // namespace
 
 const ParameterTable<SkyParams>& skyParameters() {
@@ -209,7 +201,7 @@ const ParameterTable<SkyParams>& skyParameters() {
 }
 
 Result<Sky> generateSky(const SkyParams& params) {
-    ARS_TRY_STATUS(checkSky(params));
+    ARS_TRY_STATUS(checkRanges(skyParameters(), params, "sky"));
     const double elevation = static_cast<double>(params.sunElevationDeg) * kPi / 180.0;
     const double azimuth = static_cast<double>(params.sunAzimuthDeg) * kPi / 180.0;
     Sky sky;

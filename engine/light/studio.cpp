@@ -1,6 +1,7 @@
 #include "engine/light/studio.h"
 
 #include "engine/core/parallel.h"
+#include "engine/core/parameter_ranges.h"
 #include "engine/light/cube_map.h"
 
 #include <nlohmann/json.hpp>
@@ -136,17 +137,6 @@ void fillRoom(const StudioParams& params, Image& picture) {
             for (int c = 0; c < 3; ++c) picture.at(row, column, c) = static_cast<float>(value);
         }
     }
-}
-
-template <typename Struct>
-Status checkRanges(const ParameterTable<Struct>& table, const Struct& object, const std::string& place) {
-    for (const ParameterInfo& info : table.infos()) {
-        auto value = table.get(object, info.name);
-        if (!value) return atPlace(std::move(value).error(), place);
-        auto checked = checkParameter(info, *value);
-        if (!checked) return atPlace(std::move(checked).error(), place);
-    }
-    return {};
 }
 
 std::string lampPlace(std::size_t index, const StudioLamp& lamp) {

@@ -1,9 +1,9 @@
 #include "engine/occlusion/baked_visibility.h"
 
 #include "engine/core/parallel.h"
+#include "engine/core/parameter_ranges.h"
 #include "engine/occlusion/cosine_directions_math.h"
 #include "engine/occlusion/mesh_occlusion.h"
-#include "engine/occlusion/parameter_ranges.h"
 
 #include <algorithm>
 #include <chrono>

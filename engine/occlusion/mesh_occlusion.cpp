@@ -1,8 +1,8 @@
 #include "engine/occlusion/mesh_occlusion.h"
 
 #include "engine/core/parallel.h"
+#include "engine/core/parameter_ranges.h"
 #include "engine/occlusion/cosine_directions_math.h"
-#include "engine/occlusion/parameter_ranges.h"
 
 #if __has_include(<embree4/rtcore.h>)
 #include <embree4/rtcore.h>

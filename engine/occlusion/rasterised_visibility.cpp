@@ -2,8 +2,8 @@
 
 #include "engine/core/buffer.h"
 #include "engine/core/parallel.h"
+#include "engine/core/parameter_ranges.h"
 #include "engine/occlusion/cosine_directions_math.h"
-#include "engine/occlusion/parameter_ranges.h"
 
 #include <nanoflann.hpp>
 

@@ -1,5 +1,6 @@
 #include "engine/shade/tone.h"
 
+#include "engine/core/parameter_ranges.h"
 #include "engine/shade/tone_kernels.h"
 
 #include <cmath>
@@ -20,11 +21,7 @@ Result<ToneArguments> checkedArguments(const ToneParams& params, ImageView<const
                          fmt::format("display picture is {}x{} with {} channels, expected {}x{} with 4", width, height,
                                      channels, linear.width, linear.height));
     }
-    for (const ParameterInfo& info : toneParameters().infos()) {
-        ARS_TRY(ParameterValue value, toneParameters().get(params, info.name));
-        auto checked = checkParameter(info, std::move(value));
-        if (!checked) return atPlace(std::move(checked).error(), "tone");
-    }
+    ARS_TRY_STATUS(checkRanges(toneParameters(), params, "tone"));
     ToneArguments arguments;
     arguments.linear = linear.data;
     arguments.channels = linear.channels;
