@@ -53,20 +53,6 @@ Status checkCount(std::string_view name, std::size_t found, std::size_t expected
                      fmt::format("{} {}, expected {} (one for each point)", found, name, expected));
 }
 
-/// Largest joint index; a loop that the compiler turns into vector maxima.
-std::uint16_t largestJoint(const std::vector<std::uint16_t>& joints) {
-    constexpr std::size_t kGrain = 1 << 16;
-    std::atomic<std::uint16_t> largest{0};
-    parallelRanges(joints.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-        std::uint16_t found = 0;
-        for (std::size_t i = begin; i < end; ++i) found = std::max(found, joints[i]);
-        std::uint16_t seen = largest.load();
-        while (seen < found && !largest.compare_exchange_weak(seen, found)) {
-        }
-    });
-    return largest.load();
-}
-
 Result<SkinArguments> checkedArguments(std::span<const glm::mat4> matrices, const SkinWeights& weights) {
     const std::size_t points = weights.pointCount();
     if (weights.joints.size() != weights.weights.size() || weights.weights.size() != points * kMaxInfluences) {
@@ -114,6 +100,19 @@ Status checkJointIndices(const SkinArguments& arguments) {
 }
 
 } // namespace
+
+std::uint16_t largestJoint(const std::vector<std::uint16_t>& joints) {
+    constexpr std::size_t kGrain = 1 << 16;
+    std::atomic<std::uint16_t> largest{0};
+    parallelRanges(joints.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+        std::uint16_t found = 0; // the compiler turns this loop into vector maxima
+        for (std::size_t i = begin; i < end; ++i) found = std::max(found, joints[i]);
+        std::uint16_t seen = largest.load();
+        while (seen < found && !largest.compare_exchange_weak(seen, found)) {
+        }
+    });
+    return largest.load();
+}
 
 Result<SkinWeights> sparseWeights(std::span<const float> dense, std::size_t points, std::size_t joints) {
     if (joints == 0 || joints > std::numeric_limits<std::uint16_t>::max()) {

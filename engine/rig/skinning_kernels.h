@@ -5,8 +5,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 namespace ars {
+
+/// Largest joint index of (N, 8) influences; 0 for none. Fast enough to be asked before every pose.
+std::uint16_t largestJoint(const std::vector<std::uint16_t>& joints);
 
 /// What both devices are given, checked: pointers of one device, `normals` and `restNormals` both null or neither.
 struct SkinArguments {

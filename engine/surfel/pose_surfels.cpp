@@ -1,10 +1,11 @@
 #include "engine/surfel/pose_surfels.h"
 
 #include "engine/core/parallel.h"
+#include "engine/rig/skinning_kernels.h"
 #include "engine/surfel/pose_surfels_kernels.h"
 
 #include <algorithm>
-#include <atomic>
+
 #include <cmath>
 #include <limits>
 
@@ -34,20 +35,6 @@ Status checkParams(const PoseSurfelsParams& params) {
                                  params.radiusStepFraction, params.minRadiusStepM));
     }
     return {};
-}
-
-/// The largest index of all rows; a loop that the compiler turns into vector maxima.
-std::uint16_t largestJoint(const std::vector<std::uint16_t>& joints) {
-    constexpr std::size_t kGrain = 1 << 16;
-    std::atomic<std::uint16_t> largest{0};
-    parallelRanges(joints.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-        std::uint16_t found = 0;
-        for (std::size_t i = begin; i < end; ++i) found = std::max(found, joints[i]);
-        std::uint16_t seen = largest.load();
-        while (seen < found && !largest.compare_exchange_weak(seen, found)) {
-        }
-    });
-    return largest.load();
 }
 
 Status checkWeights(const SkinWeights& weights, std::size_t count, std::size_t jointCount) {
