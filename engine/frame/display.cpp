@@ -122,8 +122,8 @@ Status addBackdrop(Image& beauty, const Camera& camera, const Environment& envir
                                      beauty.height, beauty.channels, camera.width, camera.height));
     }
     const Image& light = environment.picture;
-    const double angle = glm::radians(static_cast<double>(placement.rotationDeg));
-    const double c = std::cos(angle), s = std::sin(angle);
+    const glm::dmat3 turned =
+        worldToEnvironment(static_cast<double>(placement.rotationDeg)) * glm::transpose(camera.rotation);
     auto texel = [&](int row, int column, std::size_t channel) {
         column = (column % light.width + light.width) % light.width;
         row = std::clamp(row, 0, light.height - 1);
@@ -140,10 +140,8 @@ Status addBackdrop(Image& beauty, const Camera& camera, const Environment& envir
                     &beauty
                          .pixels[(row * static_cast<std::size_t>(beauty.width) + static_cast<std::size_t>(column)) * 4];
                 if (pixel[3] >= 1.0f) continue;
-                const glm::dvec3 d = glm::normalize(glm::transpose(camera.rotation) *
-                                                    camera.ray(column + 0.5, static_cast<double>(row) + 0.5));
-                // The light is turned by +rotation, so directions turn back before they are looked up.
-                const glm::dvec2 place = latLongPlace({c * d.x - s * d.z, d.y, s * d.x + c * d.z});
+                const glm::dvec2 place =
+                    latLongPlace(glm::normalize(turned * camera.ray(column + 0.5, static_cast<double>(row) + 0.5)));
                 const double x = place.x * light.width - 0.5, y = place.y * light.height - 0.5;
                 const int x0 = static_cast<int>(std::floor(x)), y0 = static_cast<int>(std::floor(y));
                 const float fx = static_cast<float>(x - x0), fy = static_cast<float>(y - y0);

@@ -1,6 +1,7 @@
 #include "engine/gl/presenter.h"
 
 #include "engine/gl/opengl.h"
+#include "engine/light/light_math.h"
 
 #include <algorithm>
 #include <cmath>
@@ -213,11 +214,7 @@ void Presenter::drawPicture(const PresentSettings& settings, const Camera& camer
     present_.set("shaper", glm::vec2(kDarkestLog2, kBrightestLog2));
     present_.set("background", static_cast<int>(settings.backdrop));
     present_.set("backgroundLinear", glm::vec3(tone.backgroundRed, tone.backgroundGreen, tone.backgroundBlue));
-    // The light turns by +rotation about +y, so directions turn back before they are looked up.
-    const float angle = glm::radians(settings.placement.rotationDeg);
-    const glm::mat3 turnBack(glm::vec3(std::cos(angle), 0, std::sin(angle)), glm::vec3(0, 1, 0),
-                             glm::vec3(-std::sin(angle), 0, std::cos(angle)));
-    present_.set("screenToEnvironment", turnBack * screenToWorld(camera));
+    present_.set("screenToEnvironment", worldToEnvironment(settings.placement.rotationDeg) * screenToWorld(camera));
     present_.set("environmentScale", settings.placement.scale);
     const float levels = std::log2(static_cast<float>(std::max(environment_.width(), 1)));
     present_.set("environmentLod", settings.backdropBlur * levels);
