@@ -69,6 +69,12 @@ void addMotionOptions(CLI::App& command, std::string& map, std::string& up, doub
     command.add_option("--up", up, "Axis of the file that points up: auto, y, z or -y")->type_name("AXIS");
 }
 
+/// Which frame of --pose, which frames of --motion.
+void addFrameChoice(CLI::App& command, std::size_t& poseFrame, std::string& frames) {
+    command.add_option("--frame", poseFrame, "Frame of the pose file, from 0")->type_name("N");
+    command.add_option("--frames", frames, "Frames a to b-1 of the motion, counted after --fps")->type_name("A:B");
+}
+
 void addExport(CLI::App& app, Arguments& arguments) {
     ExportOptions& options = arguments.exported;
     CLI::App& command = *app.add_subcommand("export", "Write a posed body or template as OBJ, glb, PLY or npz");
@@ -86,11 +92,9 @@ void addExport(CLI::App& app, Arguments& arguments) {
         ->type_name("A,B,..");
     command.add_option("--pose", options.pose, "rest (default), canonical, or a file with poses")
         ->type_name("rest|canonical|FILE");
-    command.add_option("--frame", options.frame, "Frame of the pose file, from 0")->type_name("N");
     command.add_option("--motion", options.motion, "A motion: a glb gets an animation, other formats numbered files")
         ->type_name("FILE");
-    command.add_option("--frames", options.frames, "Frames a to b-1 of the motion, counted after --fps")
-        ->type_name("A:B");
+    addFrameChoice(command, options.frame, options.frames);
     addMotionOptions(command, options.map, options.up, options.framesPerSecond);
     command.add_option("--out", options.out, "File to write; its ending chooses the format: .obj .glb .ply .npz")
         ->type_name("FILE")
@@ -189,11 +193,9 @@ void addRender(CLI::App& app, Arguments& arguments) {
         ->check(CLI::Range(1, 10000000).description(""));
     command.add_option("--pose", options.pose, "rest (default), canonical, relaxed, or a file with poses")
         ->type_name("rest|canonical|relaxed|FILE");
-    command.add_option("--frame", options.poseFrame, "Frame of the pose file, from 0")->type_name("N");
     command.add_option("--motion", options.motion, "A motion: npz (smpl_params, AMASS), npy, BVH or glTF")
         ->type_name("FILE");
-    command.add_option("--frames", options.frames, "Frames a to b-1 of the motion, counted after --fps")
-        ->type_name("A:B");
+    addFrameChoice(command, options.poseFrame, options.frames);
     addMotionOptions(command, options.map, options.up, options.framesPerSecond);
     command.add_option("--camera", options.camera, "A camera JSON, or CALIBRATION.json:NAME")
         ->type_name("FILE[:NAME]")

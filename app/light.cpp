@@ -94,7 +94,7 @@ Result<Image> converted(const LightOptions& options, const Image& picture) {
         for (int row = 0; row < picture.height; ++row) {
             for (int column = 0; column < picture.width; ++column) {
                 // Positive rotation takes +z (the middle) towards +x (a quarter to the left).
-                const double x = column + 0.5 + turn * picture.width - 0.5;
+                const double x = column + turn * picture.width;
                 const double floor = std::floor(x);
                 const auto left =
                     static_cast<int>(std::fmod(std::fmod(floor, picture.width) + picture.width, picture.width));
