@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <utility>
 
 namespace ars {
 
@@ -164,6 +166,7 @@ Status FramePipeline::evaluate(const FrameInputs& inputs) {
                        (!view || evaluatedCamera_ == cameraVersion_);
     if (fresh) return {};
     return timed(FrameStage::Evaluate, [&]() -> Status {
+        canonicalVersion_ = 0; // nothing holds if it fails half-way
         ARS_TRY_STATUS(avatar_->evaluate(inputs.pose, view ? &inputs.camera : nullptr, canonical_));
         ARS_TRY_STATUS(checkSurfels(canonical_));
         canonicalVersion_ = ++version_;
@@ -177,8 +180,9 @@ Status FramePipeline::poseStage(const FrameInputs& inputs) {
     const bool moved = posedCanonical_ != canonicalVersion_ || posedPose_ != poseVersion_;
     if (!moved && posedRadii_ == radiiVersion_) return {};
     return timed(FrameStage::Pose, [&]() -> Status {
+        const std::uint64_t canonicalBefore = std::exchange(posedCanonical_, 0);
         if (device_.kind == DeviceKind::Cuda) {
-            ARS_TRY_STATUS(poseOnDevice(inputs));
+            ARS_TRY_STATUS(poseOnDevice(inputs, canonicalBefore != canonicalVersion_));
         } else {
             ARS_TRY_STATUS(poseOnHost(inputs, !moved));
         }
@@ -204,9 +208,9 @@ Status FramePipeline::poseOnHost(const FrameInputs& inputs, bool radiiOnly) {
     return poseSurfels(inputs.posing, posing, rig.weights, canonical_, posed_);
 }
 
-Status FramePipeline::poseOnDevice(const FrameInputs& inputs) {
+Status FramePipeline::poseOnDevice(const FrameInputs& inputs, bool newSurfels) {
     const AvatarRig& rig = avatar_->rig();
-    if (posedCanonical_ != canonicalVersion_) ARS_TRY_STATUS(arrays_->setCanonical(device_, canonical_, rig.weights));
+    if (newSurfels) ARS_TRY_STATUS(arrays_->setCanonical(device_, canonical_, rig.weights));
     ARS_TRY(const std::vector<glm::mat4> matrices,
             canonicalToPosed(skinningMatrices(rig.skeleton, inputs.pose), rig.canonical));
     return arrays_->pose(inputs.posing, matrices, posedJointPositions(rig.skeleton, inputs.pose), rig.parts,

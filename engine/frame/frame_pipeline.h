@@ -90,7 +90,7 @@ private:
     Status evaluate(const FrameInputs& inputs);
     Status poseStage(const FrameInputs& inputs);
     Status poseOnHost(const FrameInputs& inputs, bool radiiOnly);
-    Status poseOnDevice(const FrameInputs& inputs);
+    Status poseOnDevice(const FrameInputs& inputs, bool newSurfels);
     Status splatStage(const FrameInputs& inputs, ChannelSet channels);
     Status occludeStage(const FrameInputs& inputs);
     Status shadeStage(const FrameInputs& inputs, const std::vector<BufferId>& wanted);

@@ -90,12 +90,13 @@ Status OcclusionStage::meshRays(const MeshOcclusionParams& params, const Occlusi
 Status OcclusionStage::rasterised(const RasterisedVisibilityParams& params, const OcclusionStageInputs& inputs,
                                   PixelBuffer& occlusion) {
     ARS_TRY_STATUS(requireHost(inputs, "rasterised"));
-    if (!visibility_ || visibilityVersion_ != inputs.poseVersion) {
+    if (!visibility_ || visibilityVersion_ != inputs.poseVersion || visibilityParams_ != params) {
         ARS_TRY(const std::vector<glm::vec3> vertices, posedTemplate(inputs.avatar->mesh(), *inputs.pose));
         ARS_TRY(RasterisedVisibility built,
                 RasterisedVisibility::build(vertices, inputs.avatar->mesh().mesh.triangles, params));
         visibility_ = std::move(built);
         visibilityVersion_ = inputs.poseVersion;
+        visibilityParams_ = params;
         preparationMs_ = visibility_->buildMilliseconds();
     }
     const std::vector<glm::vec3> normals = surfelNormals(inputs.live);
@@ -107,7 +108,7 @@ Status OcclusionStage::rasterised(const RasterisedVisibilityParams& params, cons
 Status OcclusionStage::baked(const BakedVisibilityParams& params, const OcclusionStageInputs& inputs,
                              PixelBuffer& occlusion) {
     ARS_TRY_STATUS(requireHost(inputs, "baked"));
-    if (!bake_) {
+    if (!bake_ || bakeParams_ != params) {
         ARS_TRY(const std::vector<glm::vec3> vertices, canonicalVertices(*inputs.avatar));
         glm::vec3 low(std::numeric_limits<float>::max()), high(-low);
         for (const glm::vec3& vertex : vertices) {
@@ -119,6 +120,7 @@ Status OcclusionStage::baked(const BakedVisibilityParams& params, const Occlusio
         ARS_TRY(BakedVisibility bake, BakedVisibility::bake(vertices, inputs.avatar->mesh().mesh.triangles, centred));
         bake_ = std::move(bake);
         preparationMs_ = bake_->bakeMilliseconds();
+        bakeParams_ = params;
         bakeVersion_ = 0;
     }
     if (bakeVersion_ != inputs.canonicalVersion) {

@@ -83,7 +83,9 @@ private:
     std::uint64_t treeVersion_ = 0;
     std::optional<RasterisedVisibility> visibility_;
     std::uint64_t visibilityVersion_ = 0;
+    RasterisedVisibilityParams visibilityParams_; ///< that it was made with
     std::optional<BakedVisibility> bake_;
+    BakedVisibilityParams bakeParams_; ///< that it was made with
     std::vector<float> bakedValues_;
     std::uint64_t bakeVersion_ = 0;
     bool complete_ = true;

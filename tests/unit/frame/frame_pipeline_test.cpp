@@ -164,6 +164,28 @@ TEST_F(FramePipelineTest, EveryMethodOfOcclusionGivesAPicture) {
         << "the method and the rays that it approximates look as far as each other";
 }
 
+TEST_F(FramePipelineTest, SettingsOfEveryMethodTakeEffect) {
+    const std::vector<BufferId> wanted{BufferId::AmbientOcclusion};
+    inputs_.occlusion.meshRays.rays = 64;
+    inputs_.occlusion.rasterised.rows = 6;
+    inputs_.occlusion.baked.resolution = 48;
+    inputs_.occlusion.baked.samples = 32;
+    const auto changes = [&](OcclusionMethod method, auto change) {
+        inputs_.occlusion.method = method;
+        ran(wanted);
+        const Image before = picture(BufferId::AmbientOcclusion);
+        change(inputs_.occlusion);
+        EXPECT_EQ(ran(wanted), Ran{"occlude"});
+        EXPECT_NE(picture(BufferId::AmbientOcclusion).pixels, before.pixels)
+            << EnumWords<OcclusionMethod>::words[static_cast<std::size_t>(method)];
+    };
+    changes(OcclusionMethod::ScreenSpace,
+            [](OcclusionSettings& s) { s.screenSpace.steps = s.screenSpace.lastStep = 8; });
+    changes(OcclusionMethod::MeshRays, [](OcclusionSettings& s) { s.meshRays.rays = 16; });
+    changes(OcclusionMethod::Rasterised, [](OcclusionSettings& s) { s.rasterised.rows = 4; });
+    changes(OcclusionMethod::Baked, [](OcclusionSettings& s) { s.baked.thresholdM = 0.1f; });
+}
+
 TEST_F(FramePipelineTest, InteractiveOcclusionRefinesWhileNothingMoves) {
     inputs_.occlusion.screenSpace.quality = OcclusionQuality::Interactive;
     const std::vector<BufferId> wanted{BufferId::Beauty};
