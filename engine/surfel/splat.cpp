@@ -157,6 +157,8 @@ Status checkInput(const SurfelView& surfels, const Camera& camera, const Channel
     return {};
 }
 
+} // namespace
+
 FeatureLayout featureLayout(const SurfelView& surfels, const ChannelSet& channels) {
     FeatureLayout layout;
     auto add = [&](Channel channel, const float* data) {
@@ -172,6 +174,8 @@ FeatureLayout featureLayout(const SurfelView& surfels, const ChannelSet& channel
     layout.stride = (layout.floats + 3) / 4 * 4;
     return layout;
 }
+
+namespace {
 
 Status reshapePictures(const Device& device, const Camera& camera, const ChannelSet& channels, GBuffer& gbuffer) {
     gbuffer.channels = {};

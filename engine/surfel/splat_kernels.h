@@ -34,6 +34,9 @@ struct FeatureLayout {
     int stride = 0; ///< floats, filled up to a multiple of 4
 };
 
+/// The layout of the channels that blend an attribute. Pointers are those of the surfels' device.
+FeatureLayout featureLayout(const SurfelView& surfels, const ChannelSet& channels);
+
 /// A surfel's features in memory order, zeros behind.
 /// @return false when one of them is not finite
 ARS_HD inline bool packFeatures(const FeatureLayout& layout, std::size_t surfel, const glm::vec3& normalCamera,
