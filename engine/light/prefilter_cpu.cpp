@@ -102,12 +102,12 @@ struct LevelPlanes {
     std::unique_ptr<float[]> colors;
 };
 
-LevelPlanes makePlanes(ImageView<const float> source, TexelArea area) {
+LevelPlanes makePlanes(ImageView<const float> source, std::shared_ptr<const LevelGeometry> geometry) {
     const std::size_t size = static_cast<std::size_t>(source.width);
     const std::size_t stride = size + lanes::kPadding;
     const std::size_t plane = 6 * size * stride;
     LevelPlanes level;
-    level.geometry = levelGeometry(size, stride, area);
+    level.geometry = std::move(geometry);
     // Uninitialised: every float that is read is written below, on the thread that uses it.
     level.colors = std::unique_ptr<float[]>(new float[3 * plane]);
     float* colors = level.colors.get();
@@ -132,6 +132,21 @@ LevelPlanes makePlanes(ImageView<const float> source, TexelArea area) {
                     size,
                     stride};
     return level;
+}
+
+LevelPlanes makePlanes(ImageView<const float> source, TexelArea area) {
+    const std::size_t size = static_cast<std::size_t>(source.width);
+    return makePlanes(source, levelGeometry(size, size + lanes::kPadding, area));
+}
+
+/// Planes whose texels all have the solid angle 1: the adjoint sums over what was filtered, not over the sphere.
+LevelPlanes makeUnweightedPlanes(ImageView<const float> source, TexelArea area) {
+    const std::size_t size = static_cast<std::size_t>(source.width), stride = size + lanes::kPadding;
+    auto geometry = std::make_shared<LevelGeometry>(*levelGeometry(size, stride, area));
+    for (std::size_t y = 0; y < size; ++y) {
+        for (std::size_t x = 0; x < size; ++x) geometry->solidAngle[y * stride + x] = 1.0f;
+    }
+    return makePlanes(source, std::move(geometry));
 }
 
 lanes::Span laneSpan(const ConeSpan& span) {
@@ -217,6 +232,48 @@ void filterDiffuse(const FilterArguments& arguments) {
     // The cone of a right angle: a hemisphere.
     forEveryTexel(arguments, 0.0f, 1.0f, [&](float* texel, const lanes::Span* spans, int count) {
         sumSpans(level.planes, spans, count, static_cast<float>(kDiffuseCosineLimit), texel);
+    });
+}
+
+// Both weights are symmetric in the two directions but for the solid angle, which is that of the texel that was
+// filtered: the adjoint is the same sum over the level's gradient (divided by the sum of its weights), times that solid
+// angle.
+
+void filterSpecularAdjoint(const FilterArguments& arguments) {
+    const ImageView<const float>& gradient = arguments.source;
+    const int size = gradient.width;
+    const float cosine = arguments.cutoffCosine, sine = std::sqrt(1.0f - cosine * cosine);
+    const lanes::SpecularSum sumSpans = filterFunctions(cosine, size).specular;
+    std::vector<float> divided(gradient.valueCount());
+    FilterArguments first = arguments;
+    first.target = {divided.data(), size, 6 * size, 3};
+    const LevelPlanes weighted = makePlanes(gradient, arguments.area);
+    forEveryTexel(first, cosine, sine, [&](float* texel, const lanes::Span* spans, int count) {
+        float sum[4];
+        sumSpans(weighted.planes, spans, count, arguments.alphaSquared, cosine, sum);
+        const float scale = sum[3] > 0.0f ? 1.0f / sum[3] : 0.0f;
+        const float* from = gradient.data + (texel - divided.data());
+        for (int c = 0; c < 3; ++c) texel[c] = from[c] * scale;
+    });
+    const LevelPlanes level = makeUnweightedPlanes({divided.data(), size, 6 * size, 3}, arguments.area);
+    const std::vector<float> angles = texelSolidAngles(size, arguments.area);
+    forEveryTexel(arguments, cosine, sine, [&](float* texel, const lanes::Span* spans, int count) {
+        float sum[4];
+        sumSpans(level.planes, spans, count, arguments.alphaSquared, cosine, sum);
+        const std::size_t index = static_cast<std::size_t>(texel - arguments.target.data) / 3;
+        for (int c = 0; c < 3; ++c) texel[c] = sum[c] * angles[index % angles.size()];
+    });
+}
+
+void filterDiffuseAdjoint(const FilterArguments& arguments) {
+    const int size = arguments.source.width;
+    const LevelPlanes level = makeUnweightedPlanes(arguments.source, arguments.area);
+    const std::vector<float> angles = texelSolidAngles(size, arguments.area);
+    const lanes::DiffuseSum sumSpans = filterFunctions(0.0f, size).diffuse;
+    forEveryTexel(arguments, 0.0f, 1.0f, [&](float* texel, const lanes::Span* spans, int count) {
+        sumSpans(level.planes, spans, count, static_cast<float>(kDiffuseCosineLimit), texel);
+        const std::size_t index = static_cast<std::size_t>(texel - arguments.target.data) / 3;
+        for (int c = 0; c < 3; ++c) texel[c] *= angles[index % angles.size()];
     });
 }
 

@@ -20,6 +20,9 @@ namespace cpu {
 void averagePool(ImageView<const float> source, ImageView<float> target);
 void filterSpecular(const FilterArguments& arguments);
 void filterDiffuse(const FilterArguments& arguments);
+/// The adjoints: source is dL/d of the filtered level, target receives dL/d of what was filtered; both of one side.
+void filterSpecularAdjoint(const FilterArguments& arguments);
+void filterDiffuseAdjoint(const FilterArguments& arguments);
 
 /// Which instructions the filters use; tests compare them. Best is what this machine has.
 enum class FilterInstructions { Portable, Avx2, Avx512, Best };

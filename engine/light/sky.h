@@ -17,6 +17,8 @@ struct SkyParams {
     float sunDiameterDeg = 0.533f; ///< the same light from a larger disc gives softer highlights
     bool normalise = true;         ///< fixed brightness whatever the hour; false keeps the true ratios of day and dusk
     int width = 1024;              ///< pixels; the height is half of it
+
+    bool operator==(const SkyParams&) const = default;
 };
 const ParameterTable<SkyParams>& skyParameters();
 

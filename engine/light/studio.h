@@ -32,6 +32,8 @@ struct StudioLamp {
     float intensity = 1.0f; ///< radiance of a white card at the origin that faces the lamp, whatever its size
     float temperatureK = 5600.0f;
     float tintRed = 1.0f, tintGreen = 1.0f, tintBlue = 1.0f; ///< linear filter over the lamp
+
+    bool operator==(const StudioLamp&) const = default;
 };
 const ParameterTable<StudioLamp>& studioLampParameters();
 
@@ -42,6 +44,8 @@ struct StudioParams {
     float horizonRadiance = 0.06f;
     float ceilingRadiance = 0.10f;
     int width = 1024; ///< pixels; the height is half of it
+
+    bool operator==(const StudioParams&) const = default;
 };
 /// Rows of everything but the lamps.
 const ParameterTable<StudioParams>& studioParameters();
