@@ -1,7 +1,6 @@
 #include "app/avatar_source.h"
 
 #include "app/text.h"
-#include "engine/frame/rest_avatar.h"
 
 #include <fmt/format.h>
 
@@ -42,6 +41,7 @@ Result<LoadedAvatar> loadAvatar(const std::string& source, int surfels, const st
     if (surfels > 0) options.maxSurfels = surfels;
     ARS_TRY(std::unique_ptr<RestAvatar> rest, restAvatarFromFile(source.substr(prefix.size()), options, progress));
     LoadedAvatar loaded;
+    loaded.options = options;
     loaded.notes = rest->notes();
     for (const std::string& note : rest->mesh().notes) loaded.notes.push_back(note);
     loaded.avatar = std::move(rest);

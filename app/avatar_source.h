@@ -2,6 +2,7 @@
 
 #include "engine/core/progress.h"
 #include "engine/frame/avatar_evaluator.h"
+#include "engine/frame/rest_avatar.h"
 
 #include <memory>
 #include <string>
@@ -11,6 +12,7 @@ namespace ars::app {
 
 struct LoadedAvatar {
     std::shared_ptr<AvatarEvaluator> avatar;
+    RestAvatarOptions options; ///< that it was made with
     std::vector<std::string> notes;
 };
 

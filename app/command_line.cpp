@@ -8,6 +8,7 @@
 #include "app/light.h"
 #include "app/render.h"
 #include "app/stage.h"
+#include "app/studio.h"
 #include "app/system_info.h"
 #include "app/text.h"
 #include "engine/core/log.h"
@@ -17,6 +18,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 
 namespace ars::app {
 namespace {
@@ -32,6 +34,7 @@ struct Arguments {
     RenderOptions render;
     StageOptions stage;
     LightOptions light;
+    StudioOptions studio;
     OutputOptions output;
     bool measure = false;
     std::string logLevel;
@@ -185,9 +188,23 @@ void addDisplayOptions(CLI::App& command, DisplayOptions& options) {
 void addRender(CLI::App& app, Arguments& arguments) {
     RenderOptions& options = arguments.render;
     CLI::App& command = *app.add_subcommand("render", "Render pictures, EXR buffers and films of an avatar");
-    command.add_option("--avatar", options.avatar, "rest:TEMPLATE (a skinned glb, a mesh, a body) or rest:open")
-        ->type_name("A")
-        ->required();
+    command
+        .add_option("--avatar", options.avatar,
+                    "rest:TEMPLATE (a skinned glb, a mesh, a body) or rest:open; a project counts as --project")
+        ->type_name("A");
+    CLI::Option& project = *command
+                                .add_option("--project", options.project,
+                                            "A project of the studio, or a picture that the program made, as its "
+                                            "window would show it")
+                                ->type_name("FILE.ars|PICTURE")
+                                ->group("Project");
+    command.add_flag("--film", options.film, "The frames of the project's timeline instead of one picture")
+        ->needs(&project)
+        ->group("Project");
+    command.add_option("--range", options.filmTimes, "Seconds of the film (default: the timeline's range)")
+        ->needs(&project)
+        ->type_name("START:END")
+        ->group("Project");
     command.add_option("--surfels", options.surfels, "About how many surfels a rest: avatar gets")
         ->type_name("N")
         ->check(CLI::Range(1, 10000000).description(""));
@@ -235,8 +252,17 @@ void addRender(CLI::App& app, Arguments& arguments) {
             "--write", options.formats,
             "What to write: png, exr, buffers (a PNG each), mp4 (default: png, exr with --aov, mp4 for several frames)")
         ->type_name("LIST");
-    command.add_option("--out", options.out, "Folder for the files")->type_name("DIR")->required();
+    command.add_option("--out", options.out, "Folder for the files; of a project also a file: .png .exr .mp4")
+        ->type_name("DIR")
+        ->required();
     addOutputOptions(command, arguments);
+    // A project says all the rest itself.
+    const std::vector<std::string> together{"--help",  "--film",      "--range",       "--size",   "--aov",
+                                            "--write", "--out",       "--device",      "--fps",    "--json",
+                                            "--quiet", "--log-level", "--transparent", "--project"};
+    for (CLI::Option* option : command.get_options()) {
+        if (std::find(together.begin(), together.end(), option->get_name()) == together.end()) project.excludes(option);
+    }
     std::string buffers;
     for (const BufferInfo& info : bufferCatalogue())
         buffers += fmt::format("{}{}", buffers.empty() ? "" : ", ", info.name);
@@ -309,10 +335,54 @@ void addLight(CLI::App& app, Arguments& arguments) {
     command.footer(describeLightSettings());
 }
 
+void addStudio(CLI::App& app, Arguments& arguments) {
+    StudioOptions& options = arguments.studio;
+    CLI::App& command = *app.add_subcommand("studio", "Open the window (also: ars without a command, or ars FILE)");
+    command.add_option("FILE", options.files, "Files to open: a project, an avatar, a light, a motion, a picture ...")
+        ->type_name("");
+    command.add_option("--size", options.size, "Size of the window (default: as it was left)")->type_name("WxH");
+    command.add_option("--scale", options.scale, "Size of text and widgets (default: the display's)")
+        ->type_name("S")
+        ->check(CLI::Range(0.5, 4.0).description(""));
+    command.add_option("--device", options.device, "Where to compute: auto (default), cpu, cuda, cuda:N")
+        ->type_name("D");
+    command
+        .add_option("--state-folder", options.stateFolder,
+                    "Where settings, autosaves and recent files live (default: ~/.local/state/ars)")
+        ->type_name("DIR");
+    command.add_option("--timings", options.timings, "Write how long the window's frames took, as JSON, at the end")
+        ->type_name("FILE");
+    command.add_option("--script-probe", options.probe, "For tests: tell scripts in this folder where widgets are")
+        ->type_name("DIR");
+    addOutputOptions(command, arguments);
+}
+
 std::vector<std::string> commandNames(const CLI::App& app) {
     std::vector<std::string> names;
     for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
     return names;
+}
+
+/// `render --avatar NAME.ars` is `render --project NAME.ars`.
+std::vector<std::string> withProjects(std::vector<std::string> given) {
+    if (given.empty() || given[0] != "render") return given;
+    const std::string option = "--avatar";
+    for (std::size_t i = 1; i < given.size(); ++i) {
+        const bool apart = given[i] == option && i + 1 < given.size();
+        const std::string& value = apart ? given[i + 1] : given[i];
+        if (!value.ends_with(".ars") || value.starts_with("rest:") || given[i].starts_with(option + "=rest:")) continue;
+        if (apart || given[i].starts_with(option + "=")) given[i].replace(0, option.size(), "--project");
+    }
+    return given;
+}
+
+/// `ars FILE` is `ars studio FILE`.
+std::vector<std::string> withStudio(std::vector<std::string> given, const std::vector<std::string>& commands) {
+    if (given.empty() || given[0].starts_with("-")) return given;
+    std::error_code ignored;
+    const bool command = std::find(commands.begin(), commands.end(), given[0]) != commands.end();
+    if (!command && std::filesystem::exists(given[0], ignored)) given.insert(given.begin(), "studio");
+    return given;
 }
 
 /// What CLI11 says, as one sentence without a trailing line end or period.
@@ -359,6 +429,7 @@ int runParsed(const CLI::App& app, Arguments& arguments) {
     }
     arguments.info.output = arguments.exported.output = arguments.imported.output = arguments.output;
     arguments.render.output = arguments.stage.output = arguments.light.output = arguments.output;
+    arguments.studio.output = arguments.output;
     if (app.got_subcommand("info") && arguments.info.files.empty())
         return runSystemInfo(arguments.measure, arguments.output);
     if (app.got_subcommand("info")) return runInfo(arguments.info);
@@ -367,12 +438,13 @@ int runParsed(const CLI::App& app, Arguments& arguments) {
     if (app.got_subcommand("render")) return runRender(arguments.render);
     if (app.got_subcommand("light")) return runLight(arguments.light);
     if (app.got_subcommand("stage")) return runStage(*app.get_subcommand("stage"), arguments.stage);
+    if (app.got_subcommand("studio") || displayIsThere()) return runStudio(arguments.studio);
     return runTurntable(arguments.output);
 }
 
 } // namespace
 
-int runCommandLine(const std::vector<std::string>& given) {
+int runCommandLine(const std::vector<std::string>& words) {
     Arguments arguments;
     CLI::App app{kAbout, "ars"};
     app.set_version_flag("--version", fmt::format("ars {}", ARS_VERSION), "Print the version and exit");
@@ -385,10 +457,12 @@ int runCommandLine(const std::vector<std::string>& given) {
     addRender(app, arguments);
     addStage(app, arguments);
     addLight(app, arguments);
+    addStudio(app, arguments);
 
+    const std::vector<std::string> names = commandNames(app);
+    const std::vector<std::string> given = withProjects(withStudio(words, names));
     OutputOptions early; // before the arguments are understood
     early.json = std::find(given.begin(), given.end(), "--json") != given.end();
-    const std::vector<std::string> names = commandNames(app);
     if (!given.empty() && !given[0].starts_with("-") &&
         std::find(names.begin(), names.end(), given[0]) == names.end()) {
         const std::string meant = nearest(given[0], names);

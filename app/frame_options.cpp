@@ -157,24 +157,6 @@ std::string describeSettings() {
     return text;
 }
 
-Json settingsJson(const FrameInputs& inputs) {
-    FrameInputs copy = inputs;
-    Json json;
-    json["occlusion_method"] = EnumWords<OcclusionMethod>::words[static_cast<std::size_t>(inputs.occlusion.method)];
-    visitGroups(copy, [&](const char* group, const auto& table, auto& params) { json[group] = table.toJson(params); });
-    Json radii;
-    for (int part = 0; part < kBodyPartCount; ++part) {
-        radii[std::string(bodyPartName(static_cast<BodyPart>(part)))] = inputs.radii[static_cast<std::size_t>(part)];
-    }
-    json["radii"] = radii;
-    json["shading"] = Json{{"occlude", inputs.shading.occlude},
-                           {"occlude_specular", inputs.shading.occludeSpecular},
-                           {"f0", inputs.shading.f0}};
-    return json;
-}
-
-Json displayJson(const DisplaySettings& settings) { return toneParameters().toJson(settings.tone); }
-
 Result<PictureSize> parseSize(const std::string& text, const std::string& option) {
     const auto wrong = [&] {
         return wrongUsage(option,

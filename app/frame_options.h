@@ -36,9 +36,6 @@ Result<DisplaySettings> displaySettings(const DisplayOptions& options);
 
 /// Every row of every table that --set reaches, for help: "occlusion.thickness  float ...".
 std::string describeSettings();
-/// What of them differs from nothing: all, as JSON, for the document in a picture.
-Json settingsJson(const FrameInputs& inputs);
-Json displayJson(const DisplaySettings& settings);
 
 /// "512x768". InvalidArgument (place: the option) for anything else or sides outside [1, 16384].
 struct PictureSize {

@@ -31,52 +31,46 @@ Result<PictureFormats> parseFormats(const std::string& text) {
     return formats;
 }
 
-PictureWriter::PictureWriter(std::filesystem::path folder, PictureFormats formats, std::vector<BufferId> buffers,
-                             DisplaySettings display)
-    : folder_(std::move(folder)), formats_(formats), buffers_(std::move(buffers)), display_(display) {}
+PictureWriter::PictureWriter(std::filesystem::path folder, PictureFormats formats, std::vector<BufferId> buffers)
+    : folder_(std::move(folder)), formats_(formats), buffers_(std::move(buffers)) {}
 
-Status PictureWriter::add(const FramePipeline& pipeline, std::size_t number, const Json& document,
-                          const Environment* environment) {
-    const std::string text = document.dump();
+Status PictureWriter::add(const WrittenFrame& frame) {
     PngWriteOptions png;
-    png.text["ars"] = text;
-    ARS_TRY(const Image opacity, pipeline.picture(BufferId::Opacity));
+    png.text["ars"] = frame.document;
     if (formats_.png || formats_.mp4) {
-        ARS_TRY(Image beauty, pipeline.picture(BufferId::Beauty));
-        if (environment) {
-            ARS_TRY_STATUS(addBackdrop(beauty, pipeline.inputs().camera, *environment, pipeline.inputs().placement));
-        }
-        ARS_TRY(const Image shown, displayPicture(BufferId::Beauty, beauty, opacity, display_));
+        ARS_TRY(const Image shown, frame.shown(frame.main, true));
         if (formats_.png) {
-            files_.push_back(folder_ / fmt::format("{:04}.png", number));
+            files_.push_back(folder_ / fmt::format("{:04}.png", frame.number));
             ARS_TRY_STATUS(writePng(files_.back(), shown, png));
         }
         if (formats_.mp4) ARS_TRY_STATUS(addFilmFrame(shown));
     }
     if (!formats_.exr && !formats_.buffers) return {};
     ExrImage exr;
-    exr.textAttributes["ars"] = text;
+    exr.textAttributes["ars"] = frame.document;
     for (const BufferId id : buffers_) {
-        ARS_TRY(const Image picture, pipeline.picture(id));
-        if (formats_.exr) ARS_TRY_STATUS(addBufferLayer(exr, id, picture));
+        if (formats_.exr) {
+            ARS_TRY(const Image picture, frame.picture(id));
+            ARS_TRY_STATUS(addBufferLayer(exr, id, picture));
+        }
         if (formats_.buffers) {
-            ARS_TRY(const Image shown, displayPicture(id, picture, opacity, display_));
-            files_.push_back(folder_ / fmt::format("{:04}_{}.png", number, bufferInfo(id).name));
+            ARS_TRY(const Image shown, frame.shown(id, false));
+            files_.push_back(folder_ / fmt::format("{:04}_{}.png", frame.number, bufferInfo(id).name));
             ARS_TRY_STATUS(writePng(files_.back(), shown, png));
         }
     }
     if (!formats_.exr) return {};
-    files_.push_back(folder_ / fmt::format("{:04}.exr", number));
+    files_.push_back(folder_ / fmt::format("{:04}.exr", frame.number));
     return writeExr(files_.back(), exr);
 }
 
 Status PictureWriter::addFilmFrame(const Image& shown) {
     if (!film_) {
-        VideoOptions options;
+        VideoFormat options;
         options.width = shown.width;
         options.height = shown.height;
         options.framesPerSecond = framesPerSecond;
-        options.metadata["comment"] = filmDocument.dump();
+        options.metadata["comment"] = filmDocument;
         filmPath_ = folder_ / "beauty.mp4";
         ARS_TRY(VideoWriter film, VideoWriter::open(filmPath_, options));
         film_ = std::move(film);

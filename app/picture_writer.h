@@ -2,10 +2,10 @@
 
 #include "app/command.h"
 #include "engine/frame/display.h"
-#include "engine/frame/frame_pipeline.h"
 #include "engine/io/video.h"
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,20 +22,27 @@ struct PictureFormats {
 /// "png,exr,buffers,mp4" in any choice. InvalidArgument (place --write) otherwise.
 Result<PictureFormats> parseFormats(const std::string& text);
 
+/// One frame that is to be written.
+struct WrittenFrame {
+    std::size_t number = 0;
+    std::string document;                               ///< what made it, as text
+    BufferId main = BufferId::Beauty;                   ///< the buffer of NNNN.png and of the film
+    std::function<Result<Image>(BufferId)> picture;     ///< a buffer as it was computed
+    std::function<Result<Image>(BufferId, bool)> shown; ///< as people see it; true: with the light's picture behind it
+};
+
 /// Writes the frames of one rendering, one after the other, in a folder. Every file carries the document that made it:
 /// PNG and EXR under "ars", MP4 under "comment".
 class PictureWriter {
 public:
-    PictureWriter(std::filesystem::path folder, PictureFormats formats, std::vector<BufferId> buffers,
-                  DisplaySettings display);
+    PictureWriter(std::filesystem::path folder, PictureFormats formats, std::vector<BufferId> buffers);
 
-    /// @param environment  put behind the shaded picture where given
-    Status add(const FramePipeline& pipeline, std::size_t number, const Json& document, const Environment* environment);
+    Status add(const WrittenFrame& frame);
     /// Closes the film.
     Status finish();
 
     double framesPerSecond = 30.0;
-    Json filmDocument; ///< what the film carries; set before the first frame
+    std::string filmDocument; ///< what the film carries; set before the first frame
     const std::vector<std::filesystem::path>& files() const { return files_; }
 
 private:
@@ -44,7 +51,6 @@ private:
     std::filesystem::path folder_;
     PictureFormats formats_;
     std::vector<BufferId> buffers_;
-    DisplaySettings display_;
     std::optional<VideoWriter> film_;
     std::filesystem::path filmPath_;
     std::vector<std::filesystem::path> files_;

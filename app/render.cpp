@@ -3,6 +3,7 @@
 #include "app/avatar_source.h"
 #include "app/picture_writer.h"
 #include "app/progress_bar.h"
+#include "app/render_document.h"
 #include "app/rig_source.h"
 #include "app/text.h"
 #include "engine/capture/calibration.h"
@@ -28,6 +29,7 @@ Error wrongUsage(std::string option, std::string message) {
 /// Everything that is rendered, read and checked before the first frame.
 struct RenderPlan {
     std::shared_ptr<AvatarEvaluator> avatar;
+    RestAvatarOptions restOptions;
     Device device;
     Motion motion; ///< at least one frame
     std::size_t firstNumber = 0;
@@ -177,6 +179,7 @@ Result<RenderPlan> makePlan(const RenderOptions& options, ProgressBar& bar) {
     ARS_TRY(LoadedAvatar loaded,
             loadAvatar(options.avatar, options.surfels, options.frame.settings, bar.part(0.0, 0.08)));
     plan.avatar = std::move(loaded.avatar);
+    plan.restOptions = loaded.options;
     plan.notes = std::move(loaded.notes);
     ARS_TRY_STATUS(planPoses(options, plan));
     ARS_TRY_STATUS(planCamera(options, plan));
@@ -208,44 +211,24 @@ FrameInputs inputsOf(const RenderOptions& options, const RenderPlan& plan, std::
     return inputs;
 }
 
-Json poseJson(const Pose& pose) {
-    Json rotations = Json::array();
-    for (const glm::quat& rotation : pose.rotations) {
-        const glm::vec3 axisAngle = axisAngleFromQuat(rotation);
-        for (int c = 0; c < 3; ++c) rotations.push_back(axisAngle[c]);
-    }
-    return Json{{"axis_angle", rotations},
-                {"translation", {pose.translation.x, pose.translation.y, pose.translation.z}},
-                {"expression", pose.expression}};
+/// The session that shows frame `frame` of the rendering.
+std::string documentOf(const RenderOptions& options, const RenderPlan& plan, const FrameInputs& inputs,
+                       std::size_t frame) {
+    RenderedFrame rendered;
+    rendered.options = &options;
+    rendered.rest = plan.restOptions;
+    rendered.inputs = &inputs;
+    rendered.tone = plan.display.tone;
+    rendered.skeleton = &plan.avatar->rig().skeleton;
+    rendered.soleHeightM = soleHeightM(plan.avatar->mesh().mesh.positions);
+    rendered.surfels = plan.avatar->rig().weights.pointCount();
+    rendered.device = plan.device;
+    rendered.lightQuality = plan.light.filtered->quality;
+    rendered.motion = plan.animated ? &plan.motion : nullptr;
+    rendered.frame = frame;
+    rendered.number = plan.firstNumber + frame;
+    return renderedDocument(rendered);
 }
-
-/// What made a picture, so that the program can restore it.
-Json documentOf(const RenderOptions& options, const RenderPlan& plan, const FrameInputs& inputs, std::size_t frame) {
-    Json document{{"program", fmt::format("ars {}", ARS_VERSION)},
-                  {"format", 1},
-                  {"avatar", options.avatar},
-                  {"settings_given", options.frame.settings},
-                  {"surfels", plan.avatar->rig().weights.pointCount()},
-                  {"device", deviceName(plan.device)}};
-    if (!options.motion.empty()) document["motion"] = Json{{"file", options.motion}, {"frame", frame}};
-    document["pose"] = poseJson(inputs.pose);
-    document["camera"] = cameraToJson(inputs.camera);
-    document["environment"] = Json{{"source", options.environment},
-                                   {"scale", inputs.placement.scale},
-                                   {"rotation_deg", inputs.placement.rotationDeg},
-                                   {"filter", lightQualityName(plan.light.filtered->quality)}};
-    document["settings"] = settingsJson(inputs);
-    document["display"] = displayJson(plan.display);
-    return document;
-}
-
-struct RenderSummary {
-    std::size_t frames = 0;
-    double seconds = 0;
-    std::array<double, kFrameStageCount> stageMs{}; ///< of all frames together
-    std::vector<fs::path> files;
-    std::vector<MemoryUse> memory; ///< of the buffers, at the end
-};
 
 Result<RenderSummary> renderFrames(const RenderOptions& options, const RenderPlan& plan,
                                    const ProgressFunction& progress) {
@@ -256,8 +239,18 @@ Result<RenderSummary> renderFrames(const RenderOptions& options, const RenderPla
     wanted.push_back(BufferId::Opacity);
     if (plan.formats.png || plan.formats.mp4) wanted.push_back(BufferId::Beauty);
 
-    PictureWriter writer(options.out, plan.formats, plan.buffers, plan.display);
+    PictureWriter writer(options.out, plan.formats, plan.buffers);
     writer.framesPerSecond = plan.animated ? plan.motion.framesPerSecond : 30.0;
+    WrittenFrame written;
+    written.picture = [&](BufferId id) { return pipeline->picture(id); };
+    written.shown = [&](BufferId id, bool backdrop) -> Result<Image> {
+        ARS_TRY(Image picture, pipeline->picture(id));
+        ARS_TRY(const Image opacity, pipeline->picture(BufferId::Opacity));
+        const FrameInputs& inputs = pipeline->inputs();
+        if (backdrop && options.display.backdrop)
+            ARS_TRY_STATUS(addBackdrop(picture, inputs.camera, plan.light.environment, inputs.placement));
+        return displayPicture(id, picture, opacity, plan.display);
+    };
     RenderSummary summary;
     const auto begin = std::chrono::steady_clock::now();
     for (std::size_t i = 0; i < plan.frameCount; ++i) {
@@ -265,16 +258,19 @@ Result<RenderSummary> renderFrames(const RenderOptions& options, const RenderPla
                                       fmt::format("frame {} of {}", i + 1, plan.frameCount)));
         const FrameInputs inputs = inputsOf(options, plan, i);
         ARS_TRY_STATUS(pipeline->render(inputs, wanted));
-        const Json document = documentOf(options, plan, inputs, plan.firstNumber + i);
-        if (i == 0) writer.filmDocument = document;
-        ARS_TRY_STATUS(writer.add(*pipeline, plan.firstNumber + i, document,
-                                  options.display.backdrop ? &plan.light.environment : nullptr));
+        written.number = plan.firstNumber + i;
+        written.document = documentOf(options, plan, inputs, i);
+        if (i == 0) writer.filmDocument = written.document;
+        ARS_TRY_STATUS(writer.add(written));
         for (const StageReport& stage : pipeline->stages()) {
             if (stage.ran) summary.stageMs[static_cast<std::size_t>(stage.stage)] += stage.milliseconds;
         }
     }
     ARS_TRY_STATUS(writer.finish());
     ARS_TRY_STATUS(reportProgress(progress, 1.0, "written"));
+    summary.avatar = plan.avatar->description();
+    summary.device = plan.device;
+    summary.notes = plan.notes;
     summary.frames = plan.frameCount;
     summary.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     summary.files = writer.files();
@@ -282,15 +278,12 @@ Result<RenderSummary> renderFrames(const RenderOptions& options, const RenderPla
     return summary;
 }
 
-void describe(const RenderOptions& options, const RenderPlan& plan, const RenderSummary& summary) {
-    if (options.output.json) {
-        Json json{{"avatar", plan.avatar->description()},
-                  {"device", deviceName(plan.device)},
-                  {"frames", summary.frames},
-                  {"seconds", summary.seconds},
-                  {"files", Json::array()},
-                  {"stages_ms", Json::object()},
-                  {"notes", plan.notes}};
+void describe(const OutputOptions& output, const RenderSummary& summary) {
+    if (output.json) {
+        Json json{{"avatar", summary.avatar}, {"device", deviceName(summary.device)},
+                  {"frames", summary.frames}, {"seconds", summary.seconds},
+                  {"files", Json::array()},   {"stages_ms", Json::object()},
+                  {"notes", summary.notes}};
         for (const fs::path& file : summary.files) json["files"].push_back(file.string());
         for (int i = 0; i < kFrameStageCount; ++i) {
             json["stages_ms"][std::string(frameStageName(static_cast<FrameStage>(i)))] =
@@ -310,8 +303,9 @@ void describe(const RenderOptions& options, const RenderPlan& plan, const Render
         stages += fmt::format("{}{} {:.1f}", i ? ", " : "", frameStageName(static_cast<FrameStage>(i)),
                               summary.stageMs[static_cast<std::size_t>(i)] / static_cast<double>(summary.frames));
     }
-    fmt::print("{}\n{} in {:.1f} s on {} (ms a frame: {})\n", printable(plan.avatar->description()),
-               counted(summary.frames, "frame"), summary.seconds, deviceName(plan.device), stages);
+    const bool measured = std::any_of(summary.stageMs.begin(), summary.stageMs.end(), [](double ms) { return ms > 0; });
+    fmt::print("{}\n{} in {:.1f} s on {}{}\n", printable(summary.avatar), counted(summary.frames, "frame"),
+               summary.seconds, deviceName(summary.device), measured ? fmt::format(" (ms a frame: {})", stages) : "");
     const std::vector<fs::path>& files = summary.files;
     if (!files.empty()) {
         fmt::print("{}{}\n", printable(files.front().string()),
@@ -319,14 +313,21 @@ void describe(const RenderOptions& options, const RenderPlan& plan, const Render
                                                   counted(files.size(), "file"))
                                     : "");
     }
-    for (const std::string& note : plan.notes) printNote(note, options.output);
+    for (const std::string& note : summary.notes) printNote(note, output);
 }
 
 Status render(const RenderOptions& options, ProgressBar& bar) {
+    if (!options.project.empty()) {
+        ARS_TRY(const RenderSummary shown, renderProject(options, bar.part(0.0, 1.0)));
+        bar.clear();
+        describe(options.output, shown);
+        return {};
+    }
+    if (options.avatar.empty()) return wrongUsage("--avatar", "give an avatar, or a project with --project");
     ARS_TRY(const RenderPlan plan, makePlan(options, bar));
     ARS_TRY(const RenderSummary summary, renderFrames(options, plan, bar.part(0.12, 1.0)));
     bar.clear();
-    describe(options, plan, summary);
+    describe(options.output, summary);
     return {};
 }
 

@@ -2,12 +2,21 @@
 
 #include "app/command.h"
 #include "app/frame_options.h"
+#include "engine/core/progress.h"
 
+#include <array>
+#include <filesystem>
 #include <string>
+#include <vector>
 
 namespace ars::app {
 
 struct RenderOptions {
+    std::string project;   ///< NAME.ars, or a picture of this program; then only size, buffers, formats, out, film,
+                           ///< range, framesPerSecond, display.transparent and frame.device are looked at
+    bool film = false;     ///< of a project: its timeline's range
+    std::string filmTimes; ///< START:END in seconds, of a film
+
     std::string avatar;
     int surfels = 0; ///< of a rest: avatar; 0: the default
 
@@ -41,8 +50,23 @@ struct RenderOptions {
     OutputOptions output;
 };
 
+/// What a rendering did.
+struct RenderSummary {
+    std::string avatar; ///< in words
+    Device device;
+    std::size_t frames = 0;
+    double seconds = 0;
+    std::array<double, kFrameStageCount> stageMs{}; ///< of all frames together
+    std::vector<std::filesystem::path> files;
+    std::vector<MemoryUse> memory; ///< of the buffers, at the end
+    std::vector<std::string> notes;
+};
+
 /// `ars render`: pictures of an avatar without a display.
 int runRender(const RenderOptions& options);
+
+/// `ars render --project`: a document as the window would show it (render_project.cpp).
+Result<RenderSummary> renderProject(const RenderOptions& options, const ProgressFunction& progress);
 
 /// What `ars` does where no window can be opened: a turntable of the open body in the folder ars-turntable.
 int runTurntable(const OutputOptions& output);

@@ -37,6 +37,11 @@ public:
 
     virtual bool dependsOnPose() const = 0;      ///< canonical surfels change with the pose
     virtual bool colorsDependOnView() const = 0; ///< radiance colours change with the camera
+    /// Whether the canonical surfels under both poses are the same; an evaluation is spared then.
+    virtual bool sameSurfels(const Pose& a, const Pose& b) const {
+        return !dependsOnPose() ||
+               (a.rotations == b.rotations && a.translation == b.translation && a.expression == b.expression);
+    }
 
     /// Canonical surfels under a pose, N of them, in the canonical pose, world axes, root at rest.
     /// @param view  camera for the radiance colours, or null: they may then be those of the last view

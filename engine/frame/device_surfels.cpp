@@ -23,6 +23,13 @@ Status upload(Buffer& buffer, const Device& device, const std::vector<T>& values
     return upload(buffer, device, std::span<const T>(values));
 }
 
+/// Nothing where the attribute is absent.
+template <typename T>
+Status download(std::vector<T>& values, const Buffer& buffer) {
+    values.resize(buffer.bytes() / sizeof(T));
+    return values.empty() ? Status() : downloadBuffer(std::as_writable_bytes(std::span(values)), buffer);
+}
+
 template <typename T>
 const T* pointer(const Buffer& buffer) {
     return static_cast<const T*>(buffer.data());
@@ -115,6 +122,29 @@ SurfelView DeviceSurfels::view() const {
     view.importances = pointer<float>(importances_);
     view.bones = pointer<glm::vec3>(bones_);
     return view;
+}
+
+Result<std::vector<glm::vec3>> DeviceSurfels::downloadMeans() const {
+    std::vector<glm::vec3> means;
+    ARS_TRY_STATUS(ars::download(means, posedMeans_));
+    return means;
+}
+
+Result<Surfels> DeviceSurfels::download() const {
+    Surfels surfels;
+    ARS_TRY(surfels.means, downloadMeans());
+    ARS_TRY_STATUS(ars::download(surfels.rotations, posedRotations_));
+    ARS_TRY_STATUS(ars::download(surfels.scales, scales_));
+    ARS_TRY_STATUS(ars::download(surfels.opacities, opacities_));
+    ARS_TRY_STATUS(ars::download(surfels.colors, colors_));
+    ARS_TRY_STATUS(ars::download(surfels.albedos, albedos_));
+    ARS_TRY_STATUS(ars::download(surfels.roughnesses, roughnesses_));
+    ARS_TRY_STATUS(ars::download(surfels.radii, radii_));
+    ARS_TRY_STATUS(ars::download(surfels.radiiPlus, radiiPlus_));
+    ARS_TRY_STATUS(ars::download(surfels.radiiMinus, radiiMinus_));
+    ARS_TRY_STATUS(ars::download(surfels.importances, importances_));
+    ARS_TRY_STATUS(ars::download(surfels.bones, bones_));
+    return surfels;
 }
 
 } // namespace ars

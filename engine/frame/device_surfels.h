@@ -23,6 +23,9 @@ public:
                 std::span<const glm::vec3> jointPositions, std::span<const BodyPart> parts, const PartRadii& radii);
     /// The posed surfels; valid until the next call of either.
     SurfelView view() const;
+    /// Copies of them in host memory; waits for the device.
+    Result<Surfels> download() const;
+    Result<std::vector<glm::vec3>> downloadMeans() const;
 
 private:
     Device device_;

@@ -4,6 +4,7 @@
 #include "engine/light/cube_map.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -90,6 +91,67 @@ Image displayData(BufferId id, const Image& picture, const Image& opacity, const
     return result;
 }
 
+/// Half the sides, each texel the mean of four.
+Image halved(const Image& image) {
+    Image half;
+    half.width = std::max(1, image.width / 2);
+    half.height = std::max(1, image.height / 2);
+    half.channels = 3;
+    half.pixels.resize(static_cast<std::size_t>(half.width) * static_cast<std::size_t>(half.height) * 3);
+    parallelFor(
+        static_cast<std::size_t>(half.height),
+        [&](std::size_t y) {
+            const int row = static_cast<int>(y), top = std::min(2 * row, image.height - 1),
+                      bottom = std::min(2 * row + 1, image.height - 1);
+            for (int column = 0; column < half.width; ++column) {
+                const int left = std::min(2 * column, image.width - 1), right = std::min(left + 1, image.width - 1);
+                for (int c = 0; c < 3; ++c) {
+                    half.at(row, column, c) = 0.25f * (image.at(top, left, c) + image.at(top, right, c) +
+                                                       image.at(bottom, left, c) + image.at(bottom, right, c));
+                }
+            }
+        },
+        16);
+    return half;
+}
+
+/// A lat-long picture looked up bilinearly in a halved form of it, or between two.
+class BlurredSphere {
+public:
+    BlurredSphere(const Image& picture, float blur) {
+        const float levels = std::log2(static_cast<float>(std::max(picture.width, 1)));
+        const float level = std::clamp(blur, 0.0f, 1.0f) * levels;
+        share_ = level - std::floor(level);
+        fine_ = &picture;
+        for (int i = 0; i < static_cast<int>(level); ++i) fine_ = &(halves_[0] = halved(*fine_));
+        if (share_ > 0.0f) halves_[1] = halved(*fine_);
+    }
+    /// @param place  in [0, 1]^2
+    glm::vec3 operator()(const glm::dvec2& place) const {
+        const glm::vec3 fine = lookUp(*fine_, place);
+        return share_ > 0.0f ? glm::mix(fine, lookUp(halves_[1], place), share_) : fine;
+    }
+
+private:
+    static glm::vec3 texel(const Image& image, int row, int column) {
+        column = (column % image.width + image.width) % image.width;
+        row = std::clamp(row, 0, image.height - 1);
+        return {image.at(row, column, 0), image.at(row, column, 1), image.at(row, column, 2)};
+    }
+    static glm::vec3 lookUp(const Image& image, const glm::dvec2& place) {
+        const double x = place.x * image.width - 0.5, y = place.y * image.height - 0.5;
+        const int x0 = static_cast<int>(std::floor(x)), y0 = static_cast<int>(std::floor(y));
+        const float fx = static_cast<float>(x - x0), fy = static_cast<float>(y - y0);
+        const glm::vec3 top = texel(image, y0, x0) * (1 - fx) + texel(image, y0, x0 + 1) * fx;
+        const glm::vec3 bottom = texel(image, y0 + 1, x0) * (1 - fx) + texel(image, y0 + 1, x0 + 1) * fx;
+        return top * (1 - fy) + bottom * fy;
+    }
+
+    const Image* fine_ = nullptr;
+    std::array<Image, 2> halves_;
+    float share_ = 0.0f; ///< of the coarser one
+};
+
 } // namespace
 
 Result<Image> displayPicture(BufferId id, const Image& picture, const Image& opacity, const DisplaySettings& settings) {
@@ -115,23 +177,15 @@ Result<Image> displayPicture(BufferId id, const Image& picture, const Image& opa
 }
 
 Status addBackdrop(Image& beauty, const Camera& camera, const Environment& environment,
-                   const EnvironmentPlacement& placement) {
+                   const EnvironmentPlacement& placement, float blur) {
     if (beauty.channels != 4 || beauty.width != camera.width || beauty.height != camera.height) {
         return makeError(ErrorCode::InvalidArgument, "backdrop",
                          fmt::format("a picture of {}x{}x{}; expected RGBA of the camera's {}x{}", beauty.width,
                                      beauty.height, beauty.channels, camera.width, camera.height));
     }
-    const Image& light = environment.picture;
+    const BlurredSphere light(environment.picture, blur);
     const glm::dmat3 turned =
         worldToEnvironment(static_cast<double>(placement.rotationDeg)) * glm::transpose(camera.rotation);
-    auto texel = [&](int row, int column, std::size_t channel) {
-        column = (column % light.width + light.width) % light.width;
-        row = std::clamp(row, 0, light.height - 1);
-        return light.pixels[(static_cast<std::size_t>(row) * static_cast<std::size_t>(light.width) +
-                             static_cast<std::size_t>(column)) *
-                                3 +
-                            channel];
-    };
     parallelFor(
         static_cast<std::size_t>(beauty.height),
         [&](std::size_t row) {
@@ -140,16 +194,10 @@ Status addBackdrop(Image& beauty, const Camera& camera, const Environment& envir
                     &beauty
                          .pixels[(row * static_cast<std::size_t>(beauty.width) + static_cast<std::size_t>(column)) * 4];
                 if (pixel[3] >= 1.0f) continue;
-                const glm::dvec2 place =
-                    latLongPlace(glm::normalize(turned * camera.ray(column + 0.5, static_cast<double>(row) + 0.5)));
-                const double x = place.x * light.width - 0.5, y = place.y * light.height - 0.5;
-                const int x0 = static_cast<int>(std::floor(x)), y0 = static_cast<int>(std::floor(y));
-                const float fx = static_cast<float>(x - x0), fy = static_cast<float>(y - y0);
-                for (std::size_t channel = 0; channel < 3; ++channel) {
-                    const float top = texel(y0, x0, channel) * (1 - fx) + texel(y0, x0 + 1, channel) * fx;
-                    const float bottom = texel(y0 + 1, x0, channel) * (1 - fx) + texel(y0 + 1, x0 + 1, channel) * fx;
-                    pixel[channel] += (1.0f - pixel[3]) * placement.scale * (top * (1 - fy) + bottom * fy);
-                }
+                const glm::vec3 behind = light(
+                    latLongPlace(glm::normalize(turned * camera.ray(column + 0.5, static_cast<double>(row) + 0.5))));
+                for (int channel = 0; channel < 3; ++channel)
+                    pixel[channel] += (1.0f - pixel[3]) * placement.scale * behind[channel];
                 pixel[3] = 1.0f;
             }
         },

@@ -28,8 +28,9 @@ Result<Image> displayPicture(BufferId id, const Image& picture, const Image& opa
 
 /// Puts the environment behind a premultiplied linear RGBA picture, which becomes opaque. Bilinear; the camera has the
 /// picture's size.
+/// @param blur  [0, 1]: which of the halved pictures is looked up, between neighbours linearly; 1 is the mean of all
 Status addBackdrop(Image& beauty, const Camera& camera, const Environment& environment,
-                   const EnvironmentPlacement& placement);
+                   const EnvironmentPlacement& placement, float blur = 0.0f);
 
 /// Bytes (height, width, 3) of an sRGB picture, rounded to nearest; what a video takes.
 std::vector<std::uint8_t> displayBytes(const Image& image);

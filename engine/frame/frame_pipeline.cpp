@@ -1,5 +1,7 @@
 #include "engine/frame/frame_pipeline.h"
 
+#include "engine/core/parallel.h"
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -77,21 +79,37 @@ ChannelSet neededChannels(const std::vector<BufferId>& wanted, const OcclusionSe
     return channels;
 }
 
-Image hostImage(ImageView<const float> view, const Device& device, const Buffer& memory, Status& status) {
-    Image image;
-    image.width = view.width;
-    image.height = view.height;
-    image.channels = view.channels;
-    image.pixels.resize(view.valueCount());
-    if (device.kind == DeviceKind::Host) {
-        std::copy(view.data, view.data + view.valueCount(), image.pixels.begin());
-    } else {
-        status = downloadBuffer(std::as_writable_bytes(std::span(image.pixels)), memory);
-    }
-    return image;
+/// The values of a picture in host memory.
+Status toHost(const PixelBuffer& picture, std::vector<float>& values) {
+    const ImageView<const float> view = picture.view();
+    values.resize(view.valueCount());
+    if (picture.device().kind != DeviceKind::Host)
+        return downloadBuffer(std::as_writable_bytes(std::span(values)), picture.memory());
+    constexpr std::size_t grain = 1u << 16;
+    parallelRanges(values.size(), grain, [&](std::size_t begin, std::size_t end) {
+        std::copy(view.data + begin, view.data + end, &values[begin]);
+    });
+    return {};
+}
+
+bool wantsParts(const std::vector<BufferId>& wanted) {
+    return std::any_of(wanted.begin(), wanted.end(),
+                       [](BufferId id) { return id == BufferId::Diffuse || id == BufferId::Specular; });
+}
+
+bool wantsOcclusion(const FrameInputs& inputs, const std::vector<BufferId>& wanted) {
+    return std::find(wanted.begin(), wanted.end(), BufferId::AmbientOcclusion) != wanted.end() ||
+           (inputs.shading.occlude && std::any_of(wanted.begin(), wanted.end(), isShaded));
 }
 
 } // namespace
+
+bool sameInputs(const FrameInputs& a, const FrameInputs& b) {
+    return samePose(a.pose, b.pose) && a.camera == b.camera && a.radii == b.radii && a.placement == b.placement &&
+           a.splat == b.splat && a.posing == b.posing && sameOcclusion(a.occlusion, b.occlusion) &&
+           a.shading == b.shading && a.keepCanonical == b.keepCanonical && a.keepVisibility == b.keepVisibility &&
+           a.refineOcclusion == b.refineOcclusion;
+}
 
 std::string_view frameStageName(FrameStage stage) {
     constexpr std::array<std::string_view, kFrameStageCount> names{"evaluate", "pose", "splat", "occlude", "shade"};
@@ -134,51 +152,95 @@ Status FramePipeline::timed(FrameStage stage, Work&& work) {
     return {};
 }
 
-Status FramePipeline::render(const FrameInputs& inputs, const std::vector<BufferId>& wanted) {
+FramePipeline::Changes FramePipeline::changes(const FrameInputs& inputs, const Target& target) const {
+    Changes changes;
+    changes.pose = poseVersion_ == 0 || !samePose(inputs.pose, pose_) || inputs.posing != posing_;
+    changes.radii = radiiVersion_ == 0 || inputs.radii != radii_;
+    const FrameInputs& last = target.inputs;
+    const bool first = target.cameraVersion == 0;
+    changes.camera = first || inputs.camera != last.camera || inputs.splat != last.splat;
+    changes.occlusion = first || !sameOcclusion(inputs.occlusion, last.occlusion);
+    changes.shading = first || inputs.shading != last.shading || inputs.placement != last.placement;
+    return changes;
+}
+
+StageFlags FramePipeline::pending(const FrameInputs& inputs, const std::vector<BufferId>& wanted,
+                                  FrameTarget where) const {
+    const Target& t = targets_[static_cast<std::size_t>(where)];
+    const Changes changed = changes(inputs, t);
+    const bool shaded = std::any_of(wanted.begin(), wanted.end(), isShaded);
+    const bool otherPose = canonicalVersion_ == 0 || !avatar_->sameSurfels(evaluatedPose_, inputs.pose);
+    const bool otherView = avatar_->colorsDependOnView() && (changed.camera || evaluatedCamera_ != t.cameraVersion);
+    const bool evaluate = canonicalVersion_ == 0 || (!inputs.keepCanonical && (otherPose || otherView));
+    const bool pose = evaluate || changed.pose || changed.radii || posedCanonical_ != canonicalVersion_ ||
+                      posedPose_ != poseVersion_ || posedRadii_ != radiiVersion_;
+    const bool splat = pose || changed.camera || t.gbufferVersion == 0 || t.splattedLive != liveVersion_ ||
+                       t.splattedCamera != t.cameraVersion ||
+                       !t.gbuffer.channels.includes(neededChannels(wanted, inputs.occlusion, inputs.shading.occlude));
+    const bool occlude =
+        wantsOcclusion(inputs, wanted) &&
+        (splat || changed.occlusion || t.occludedGBuffer != t.gbufferVersion ||
+         t.occludedSettings != t.occlusionSettingsVersion || (!t.occlusionComplete && inputs.refineOcclusion));
+    const bool shade = shaded && (splat || changed.shading || (occlude && inputs.shading.occlude) ||
+                                  t.shadedGBuffer != t.gbufferVersion || t.shadedLight != lightVersion_ ||
+                                  t.shadedOcclusion != (inputs.shading.occlude ? t.occlusionVersion : 0) ||
+                                  t.shadedShading != t.shadingVersion || (!t.shadedParts && wantsParts(wanted)));
+    return {evaluate, pose, splat, occlude, shade};
+}
+
+void FramePipeline::adopt(const FrameInputs& inputs, const Changes& changes) {
+    Target& t = target();
+    if (changes.pose) poseVersion_ = ++version_;
+    if (changes.radii) radiiVersion_ = ++version_;
+    if (changes.camera) t.cameraVersion = ++version_;
+    if (changes.occlusion) t.occlusionSettingsVersion = ++version_;
+    if (changes.shading) t.shadingVersion = ++version_;
+    pose_ = inputs.pose;
+    posing_ = inputs.posing;
+    radii_ = inputs.radii;
+    t.inputs = inputs;
+}
+
+Status FramePipeline::render(const FrameInputs& inputs, const std::vector<BufferId>& wanted, FrameTarget where) {
     ARS_TRY_STATUS(checkInputs(inputs, *avatar_));
     const bool shaded = std::any_of(wanted.begin(), wanted.end(), isShaded);
     if (shaded && !light_) {
         return makeError(ErrorCode::InvalidArgument, "render", "a shaded picture needs a light, none was set");
     }
     for (StageReport& report : reports_) report.ran = false;
-    const bool first = poseVersion_ == 0;
-    if (first || !samePose(inputs.pose, inputs_.pose) || inputs.posing != inputs_.posing) poseVersion_ = ++version_;
-    if (first || inputs.radii != inputs_.radii) radiiVersion_ = ++version_;
-    if (first || inputs.camera != inputs_.camera || inputs.splat != inputs_.splat) cameraVersion_ = ++version_;
-    if (first || !sameOcclusion(inputs.occlusion, inputs_.occlusion)) occlusionSettingsVersion_ = ++version_;
-    if (first || inputs.shading != inputs_.shading || inputs.placement != inputs_.placement)
-        shadingVersion_ = ++version_;
-    inputs_ = inputs;
-
-    ARS_TRY_STATUS(evaluate(inputs));
-    ARS_TRY_STATUS(poseStage(inputs));
-    ARS_TRY_STATUS(splatStage(inputs, neededChannels(wanted, inputs.occlusion, inputs.shading.occlude)));
-    const bool occluded = std::find(wanted.begin(), wanted.end(), BufferId::AmbientOcclusion) != wanted.end() ||
-                          (shaded && inputs.shading.occlude);
-    if (occluded) ARS_TRY_STATUS(occludeStage(inputs));
-    if (shaded) ARS_TRY_STATUS(shadeStage(inputs, wanted));
+    const StageFlags runs = pending(inputs, wanted, where);
+    current_ = where;
+    adopt(inputs, changes(inputs, target()));
+    const auto due = [&runs](FrameStage stage) { return runs[static_cast<std::size_t>(stage)]; };
+    if (due(FrameStage::Evaluate)) ARS_TRY_STATUS(evaluate(inputs));
+    if (due(FrameStage::Pose)) ARS_TRY_STATUS(poseStage(inputs));
+    if (due(FrameStage::Splat))
+        ARS_TRY_STATUS(splatStage(inputs, neededChannels(wanted, inputs.occlusion, inputs.shading.occlude)));
+    if (due(FrameStage::Occlude)) ARS_TRY_STATUS(occludeStage(inputs));
+    if (due(FrameStage::Shade)) ARS_TRY_STATUS(shadeStage(inputs, wantsParts(wanted)));
     return {};
 }
 
 Status FramePipeline::evaluate(const FrameInputs& inputs) {
-    const bool view = avatar_->colorsDependOnView();
-    const bool fresh = canonicalVersion_ != 0 && (!avatar_->dependsOnPose() || evaluatedPose_ == poseVersion_) &&
-                       (!view || evaluatedCamera_ == cameraVersion_);
-    if (fresh) return {};
     return timed(FrameStage::Evaluate, [&]() -> Status {
         canonicalVersion_ = 0; // nothing holds if it fails half-way
+        const bool view = avatar_->colorsDependOnView();
         ARS_TRY_STATUS(avatar_->evaluate(inputs.pose, view ? &inputs.camera : nullptr, canonical_));
         ARS_TRY_STATUS(checkSurfels(canonical_));
         canonicalVersion_ = ++version_;
-        evaluatedPose_ = poseVersion_;
-        evaluatedCamera_ = cameraVersion_;
+        evaluatedPose_ = inputs.pose;
+        evaluatedCamera_ = target().cameraVersion;
         return {};
     });
 }
 
+bool FramePipeline::canonicalFresh() const {
+    return canonicalVersion_ != 0 && avatar_->sameSurfels(evaluatedPose_, pose_) &&
+           (!avatar_->colorsDependOnView() || evaluatedCamera_ == target().cameraVersion);
+}
+
 Status FramePipeline::poseStage(const FrameInputs& inputs) {
     const bool moved = posedCanonical_ != canonicalVersion_ || posedPose_ != poseVersion_;
-    if (!moved && posedRadii_ == radiiVersion_) return {};
     return timed(FrameStage::Pose, [&]() -> Status {
         const std::uint64_t canonicalBefore = std::exchange(posedCanonical_, 0);
         if (device_.kind == DeviceKind::Cuda) {
@@ -221,125 +283,154 @@ SurfelView FramePipeline::liveSurfels() const {
     return device_.kind == DeviceKind::Cuda ? arrays_->view() : liveView(canonical_, posed_);
 }
 
+Result<Surfels> FramePipeline::surfels() const {
+    if (posedCanonical_ == 0) return makeError(ErrorCode::NotFound, "surfels", "no frame was rendered yet");
+    if (device_.kind == DeviceKind::Cuda) return arrays_->download();
+    return ars::liveSurfels(canonical_, posed_);
+}
+
+Result<std::vector<glm::vec3>> FramePipeline::surfelMeans() const {
+    if (posedCanonical_ == 0) return makeError(ErrorCode::NotFound, "surfels", "no frame was rendered yet");
+    if (device_.kind == DeviceKind::Cuda) return arrays_->downloadMeans();
+    return posed_.means;
+}
+
+std::vector<glm::mat4> FramePipeline::jointWorld() const { return jointWorldMatrices(avatar_->rig().skeleton, pose_); }
+
 Status FramePipeline::splatStage(const FrameInputs& inputs, ChannelSet channels) {
-    const bool fresh = gbufferVersion_ != 0 && splattedLive_ == liveVersion_ && splattedCamera_ == cameraVersion_;
-    if (fresh && gbuffer_.channels.includes(channels)) return {};
+    Target& t = target();
+    const bool fresh = t.gbufferVersion != 0 && t.splattedLive == liveVersion_ && t.splattedCamera == t.cameraVersion;
     return timed(FrameStage::Splat, [&]() -> Status {
         // Looking at one more buffer of the same picture keeps those that are there.
-        const ChannelSet all = fresh ? channels.united(gbuffer_.channels) : channels;
-        gbufferVersion_ = 0; // nothing holds if splatting fails half-way
-        ARS_TRY_STATUS(splat(inputs.splat, liveSurfels(), inputs.camera, all, gbuffer_, splatWorkspace_, nullptr,
+        const ChannelSet all = fresh ? channels.united(t.gbuffer.channels) : channels;
+        t.gbufferVersion = 0; // nothing holds if splatting fails half-way
+        ARS_TRY_STATUS(splat(inputs.splat, liveSurfels(), inputs.camera, all, t.gbuffer, t.splatWorkspace, nullptr,
                              collectStats_ ? &splatStats_ : nullptr));
-        gbufferVersion_ = ++version_;
-        splattedLive_ = liveVersion_;
-        splattedCamera_ = cameraVersion_;
+        t.gbufferVersion = ++version_;
+        t.splattedLive = liveVersion_;
+        t.splattedCamera = t.cameraVersion;
         return {};
     });
 }
 
 Status FramePipeline::occludeStage(const FrameInputs& inputs) {
-    const bool fresh = occludedGBuffer_ == gbufferVersion_ && occludedSettings_ == occlusionSettingsVersion_;
-    if (fresh && occlusion_.complete()) return {};
     return timed(FrameStage::Occlude, [&]() -> Status {
+        Target& t = target();
         OcclusionStageInputs stage;
         stage.avatar = avatar_.get();
-        stage.pose = &inputs_.pose;
+        stage.pose = &t.inputs.pose;
         stage.poseVersion = poseVersion_;
         stage.canonical = &canonical_;
         stage.canonicalVersion = canonicalVersion_;
         stage.live = liveSurfels();
-        stage.gbuffer = &gbuffer_;
-        stage.gbufferVersion = gbufferVersion_;
+        stage.gbuffer = &t.gbuffer;
+        stage.gbufferVersion = t.gbufferVersion;
         stage.camera = inputs.camera;
         stage.splat = inputs.splat;
-        occludedGBuffer_ = 0;
-        ARS_TRY_STATUS(occlusion_.run(inputs.occlusion, stage, occlusionPicture_));
-        occludedGBuffer_ = gbufferVersion_;
-        occludedSettings_ = occlusionSettingsVersion_;
-        occlusionVersion_ = ++version_;
+        stage.refinement = &t.refinement;
+        stage.keepVisibility = inputs.keepVisibility;
+        t.occludedGBuffer = 0;
+        ARS_TRY_STATUS(occlusion_.run(inputs.occlusion, stage, t.occlusion));
+        t.occlusionComplete = occlusion_.complete();
+        t.occlusionShare = occlusion_.share();
+        t.occludedGBuffer = t.gbufferVersion;
+        t.occludedSettings = t.occlusionSettingsVersion;
+        t.occlusionVersion = ++version_;
         return {};
     });
 }
 
-Status FramePipeline::shadeStage(const FrameInputs& inputs, const std::vector<BufferId>& wanted) {
-    const bool parts = std::any_of(wanted.begin(), wanted.end(),
-                                   [](BufferId id) { return id == BufferId::Diffuse || id == BufferId::Specular; });
-    const std::uint64_t occlusionVersion = inputs.shading.occlude ? occlusionVersion_ : 0;
-    const bool fresh = shadedGBuffer_ == gbufferVersion_ && shadedOcclusion_ == occlusionVersion &&
-                       shadedLight_ == lightVersion_ && shadedShading_ == shadingVersion_;
-    if (fresh && (shadedParts_ || !parts)) return {};
+Status FramePipeline::shadeStage(const FrameInputs& inputs, bool parts) {
     return timed(FrameStage::Shade, [&]() -> Status {
-        const int width = gbuffer_.width(), height = gbuffer_.height();
-        shadedGBuffer_ = 0;
-        ARS_TRY_STATUS(beauty_.reshape(device_, width, height, 4, "shading"));
+        Target& t = target();
+        const int width = t.gbuffer.width(), height = t.gbuffer.height();
+        t.shadedGBuffer = 0;
+        ARS_TRY_STATUS(t.beauty.reshape(device_, width, height, 4, "shading"));
         ShadingOutputs outputs;
-        outputs.beauty = beauty_.view();
+        outputs.beauty = t.beauty.view();
         if (parts) {
-            ARS_TRY_STATUS(diffuse_.reshape(device_, width, height, 3, "shading"));
-            ARS_TRY_STATUS(specular_.reshape(device_, width, height, 3, "shading"));
-            outputs.diffuse = diffuse_.view();
-            outputs.specular = specular_.view();
+            ARS_TRY_STATUS(t.diffuse.reshape(device_, width, height, 3, "shading"));
+            ARS_TRY_STATUS(t.specular.reshape(device_, width, height, 3, "shading"));
+            outputs.diffuse = t.diffuse.view();
+            outputs.specular = t.specular.view();
         }
         ShadingInputs pictures;
-        const GBuffer& g = gbuffer_;
+        const GBuffer& g = t.gbuffer;
         pictures.albedo = g[Channel::Albedo].view();
         pictures.roughness = g[Channel::Roughness].view();
         pictures.normal = g[Channel::Normal].view();
         pictures.opacity = g[Channel::Opacity].view();
-        if (inputs.shading.occlude) pictures.occlusion = std::as_const(occlusionPicture_).view();
+        if (inputs.shading.occlude) pictures.occlusion = std::as_const(t.occlusion).view();
         pictures.camera = inputs.camera;
         pictures.light = light_->view(inputs.placement);
         ARS_TRY_STATUS(shade(device_, inputs.shading, pictures, outputs));
-        shadedGBuffer_ = gbufferVersion_;
-        shadedOcclusion_ = occlusionVersion;
-        shadedLight_ = lightVersion_;
-        shadedShading_ = shadingVersion_;
-        shadedParts_ = parts;
+        t.shadedGBuffer = t.gbufferVersion;
+        t.shadedOcclusion = inputs.shading.occlude ? t.occlusionVersion : 0;
+        t.shadedLight = lightVersion_;
+        t.shadedShading = t.shadingVersion;
+        t.shadedParts = parts;
+        t.shadedVersion = ++version_;
         return {};
     });
 }
 
-Result<ImageView<const float>> FramePipeline::buffer(BufferId id) const {
-    ImageView<const float> view;
+const PixelBuffer* FramePipeline::pixels(BufferId id) const {
+    const Target& t = target();
     if (const auto channel = bufferInfo(id).channel) {
-        if (gbufferVersion_ != 0 && gbuffer_.channels.has(*channel)) view = gbuffer_[*channel].view();
-    } else if (id == BufferId::AmbientOcclusion) {
-        if (occludedGBuffer_ != 0) view = occlusionPicture_.view();
-    } else if (shadedGBuffer_ != 0) {
-        if (id == BufferId::Beauty) view = beauty_.view();
-        if (id == BufferId::Diffuse && shadedParts_) view = diffuse_.view();
-        if (id == BufferId::Specular && shadedParts_) view = specular_.view();
+        return t.gbufferVersion != 0 && t.gbuffer.channels.has(*channel) ? &t.gbuffer[*channel] : nullptr;
     }
-    if (view.empty()) {
+    if (id == BufferId::AmbientOcclusion) return t.occludedGBuffer != 0 ? &t.occlusion : nullptr;
+    if (t.shadedGBuffer == 0) return nullptr;
+    if (id == BufferId::Beauty) return &t.beauty;
+    if (!t.shadedParts) return nullptr;
+    return id == BufferId::Diffuse ? &t.diffuse : &t.specular;
+}
+
+std::uint64_t FramePipeline::pictureVersion(BufferId id) const {
+    if (!pixels(id)) return 0;
+    const Target& t = target();
+    if (bufferInfo(id).channel) return t.gbufferVersion;
+    return id == BufferId::AmbientOcclusion ? t.occlusionVersion : t.shadedVersion;
+}
+
+Result<ImageView<const float>> FramePipeline::buffer(BufferId id) const {
+    const PixelBuffer* picture = pixels(id);
+    if (!picture || picture->empty()) {
         return makeError(ErrorCode::NotFound, std::string(bufferInfo(id).name), "this buffer was not rendered");
     }
-    return view;
+    return picture->view();
 }
 
 Result<Image> FramePipeline::picture(BufferId id) const {
+    Image image;
+    ARS_TRY_STATUS(copyPicture(id, image));
+    return image;
+}
+
+Status FramePipeline::copyPicture(BufferId id, Image& image) const {
     ARS_TRY(const ImageView<const float> view, buffer(id));
     const BufferInfo& info = bufferInfo(id);
-    const PixelBuffer* owner = info.channel                       ? &gbuffer_[*info.channel]
-                               : id == BufferId::AmbientOcclusion ? &occlusionPicture_
-                               : id == BufferId::Beauty           ? &beauty_
-                               : id == BufferId::Diffuse          ? &diffuse_
-                                                                  : &specular_;
-    Status status;
-    Image image = hostImage(view, device_, owner->memory(), status);
-    ARS_TRY_STATUS(status);
+    image.width = view.width;
+    image.height = view.height;
+    image.channels = view.channels;
     image.space = info.kind == BufferKind::SrgbColor                                              ? ColorSpace::Srgb
                   : info.kind == BufferKind::LinearColor || info.kind == BufferKind::LinearAlbedo ? ColorSpace::Linear
                                                                                                   : ColorSpace::Data;
     image.premultiplied = id == BufferId::Beauty;
-    if (id == BufferId::AmbientOcclusion) {
-        Image opacity =
-            hostImage(gbuffer_[Channel::Opacity].view(), device_, gbuffer_[Channel::Opacity].memory(), status);
-        ARS_TRY_STATUS(status);
-        for (std::size_t p = 0; p < opacity.pixels.size(); ++p) {
-            if (!(opacity.pixels[p] > kMinOpacity)) image.pixels[p] = 0.0f;
-        }
-    }
-    return image;
+    image.sourceBits = 32;
+    ARS_TRY_STATUS(toHost(*pixels(id), image.pixels));
+    if (id != BufferId::AmbientOcclusion) return {};
+    const PixelBuffer& covered = target().gbuffer[Channel::Opacity];
+    std::vector<float> downloaded;
+    if (device_.kind != DeviceKind::Host) ARS_TRY_STATUS(toHost(covered, downloaded));
+    const float* opacity = device_.kind == DeviceKind::Host ? covered.view().data : downloaded.data();
+    parallelFor(
+        image.pixels.size(),
+        [&](std::size_t p) {
+            if (!(opacity[p] > kMinOpacity)) image.pixels[p] = 0.0f;
+        },
+        1u << 16);
+    return {};
 }
 
 } // namespace ars

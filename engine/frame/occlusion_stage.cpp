@@ -62,9 +62,9 @@ Status OcclusionStage::screenSpace(const OcclusionParams& params, const Occlusio
     ARS_TRY(const OcclusionInputs pictures, occlusionInputs(*inputs.gbuffer, inputs.camera));
     if (params.quality == OcclusionQuality::Full)
         return ambientOcclusion(params, pictures, workspace_, occlusion.view());
-    ARS_TRY_STATUS(refinement_.refine(params, pictures, inputs.gbufferVersion, workspace_, occlusion.view()));
-    complete_ = refinement_.complete();
-    share_ = refinement_.share();
+    ARS_TRY_STATUS(inputs.refinement->refine(params, pictures, inputs.gbufferVersion, workspace_, occlusion.view()));
+    complete_ = inputs.refinement->complete();
+    share_ = inputs.refinement->share();
     return {};
 }
 
@@ -90,7 +90,14 @@ Status OcclusionStage::meshRays(const MeshOcclusionParams& params, const Occlusi
 Status OcclusionStage::rasterised(const RasterisedVisibilityParams& params, const OcclusionStageInputs& inputs,
                                   PixelBuffer& occlusion) {
     ARS_TRY_STATUS(requireHost(inputs, "rasterised"));
-    if (!visibility_ || visibilityVersion_ != inputs.poseVersion || visibilityParams_ != params) {
+    const bool made = visibility_ && visibilityParams_ == params;
+    if (made && inputs.keepVisibility && visibilityValues_.size() == inputs.live.count) {
+        complete_ = visibilityVersion_ == inputs.poseVersion && visibilityCanonical_ == inputs.canonicalVersion;
+        share_ = complete_ ? 1.0f : 0.0f;
+        return splatValues(visibilityValues_, inputs, occlusion);
+    }
+    if (!made || visibilityVersion_ != inputs.poseVersion) {
+        visibilityCanonical_ = 0;
         ARS_TRY(const std::vector<glm::vec3> vertices, posedTemplate(inputs.avatar->mesh(), *inputs.pose));
         ARS_TRY(RasterisedVisibility built,
                 RasterisedVisibility::build(vertices, inputs.avatar->mesh().mesh.triangles, params));
@@ -99,10 +106,28 @@ Status OcclusionStage::rasterised(const RasterisedVisibilityParams& params, cons
         visibilityParams_ = params;
         preparationMs_ = visibility_->buildMilliseconds();
     }
-    const std::vector<glm::vec3> normals = surfelNormals(inputs.live);
-    std::vector<float> values(inputs.live.count);
-    ARS_TRY_STATUS(visibility_->atPoints({{inputs.live.means, inputs.live.count}, normals, {}}, values));
-    return splatValues(values, inputs, occlusion);
+    if (visibilityCanonical_ != inputs.canonicalVersion) {
+        const std::vector<glm::vec3> normals = surfelNormals(inputs.live);
+        visibilityValues_.resize(inputs.live.count);
+        ARS_TRY_STATUS(visibility_->atPoints({{inputs.live.means, inputs.live.count}, normals, {}}, visibilityValues_));
+        visibilityCanonical_ = inputs.canonicalVersion;
+    }
+    return splatValues(visibilityValues_, inputs, occlusion);
+}
+
+bool OcclusionStage::prepared(const OcclusionSettings& settings) const {
+    switch (settings.method) {
+    case OcclusionMethod::MeshRays:
+        return tree_.has_value();
+    case OcclusionMethod::Rasterised:
+        return visibility_ && visibilityParams_ == settings.rasterised;
+    case OcclusionMethod::Baked:
+        return bake_ && bakeParams_ == settings.baked;
+    case OcclusionMethod::ScreenSpace:
+    case OcclusionMethod::Off:
+        break;
+    }
+    return true;
 }
 
 Status OcclusionStage::baked(const BakedVisibilityParams& params, const OcclusionStageInputs& inputs,

@@ -35,6 +35,8 @@ struct OcclusionSettings {
     MeshOcclusionParams meshRays;
     RasterisedVisibilityParams rasterised;
     BakedVisibilityParams baked;
+
+    bool operator==(const OcclusionSettings&) const = default;
 };
 
 /// What stage 6 looks at. Versions change when the thing behind them does.
@@ -49,6 +51,8 @@ struct OcclusionStageInputs {
     std::uint64_t gbufferVersion = 0;
     Camera camera;
     SplatParams splat;
+    OcclusionRefinement* refinement = nullptr; ///< of this G-buffer
+    bool keepVisibility = false; ///< draft: rasterised visibility stays with the surfels that it was made for
 };
 
 /// Stage 6 of a frame, with what its methods keep between frames: trees, bakes, refinement.
@@ -57,6 +61,7 @@ public:
     /// Writes O of every pixel, in [0, 1], empty pixels 1, on the device of the G-buffer.
     ///
     /// ScreenSpace at quality `interactive` refines: calls with unchanged inputs add directions until complete().
+    /// Rasterised visibility that was kept for another pose is not complete.
     /// Unsupported for the comparison methods on CUDA.
     Status run(const OcclusionSettings& settings, const OcclusionStageInputs& inputs, PixelBuffer& occlusion);
 
@@ -66,6 +71,9 @@ public:
     float share() const { return share_; }
     /// Time that the method spent on the mesh (tree, visibility, bake) in the last call, milliseconds; 0 where kept.
     double preparationMs() const { return preparationMs_; }
+    /// Whether the method has its tree, visibility or bake, be it of another pose (then Rasterised needs
+    /// keepVisibility to be quick).
+    bool prepared(const OcclusionSettings& settings) const;
 
 private:
     Status screenSpace(const OcclusionParams& params, const OcclusionStageInputs& inputs, PixelBuffer& occlusion);
@@ -76,7 +84,6 @@ private:
     Status splatValues(const std::vector<float>& values, const OcclusionStageInputs& inputs, PixelBuffer& occlusion);
 
     OcclusionWorkspace workspace_;
-    OcclusionRefinement refinement_;
     SplatWorkspace splatWorkspace_;
     GBuffer splatted_;
     std::optional<MeshOcclusion> tree_;
@@ -84,6 +91,8 @@ private:
     std::optional<RasterisedVisibility> visibility_;
     std::uint64_t visibilityVersion_ = 0;
     RasterisedVisibilityParams visibilityParams_; ///< that it was made with
+    std::vector<float> visibilityValues_;         ///< of every surfel in that pose
+    std::uint64_t visibilityCanonical_ = 0;
     std::optional<BakedVisibility> bake_;
     BakedVisibilityParams bakeParams_; ///< that it was made with
     std::vector<float> bakedValues_;

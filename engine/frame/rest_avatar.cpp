@@ -142,15 +142,6 @@ void addBackSides(Surfels& surfels, SkinWeights& weights) {
     }
 }
 
-bool isBodyFile(const std::string& path, const ReadLimits& limits) {
-    const auto file = recogniseFile(path, limits);
-    if (!file || file->format != FileFormat::Npz) return false;
-    const auto entries = listNpz(path, limits);
-    if (!entries) return false;
-    return std::any_of(entries->begin(), entries->end(),
-                       [](const NpzEntry& e) { return e.key == "v_template" || e.key == "J_regressor"; });
-}
-
 } // namespace
 
 const ParameterTable<RestAvatarOptions>& restAvatarParameters() {
@@ -222,55 +213,171 @@ Result<std::vector<float>> insets(const TriangleMesh& mesh, const std::vector<gl
 
 } // namespace
 
-Result<std::unique_ptr<RestAvatar>> RestAvatar::create(TemplateMesh mesh, const RestAvatarOptions& options,
-                                                       const ProgressFunction& progress) {
+struct RestAvatar::SkinPoints {
+    SurfaceSamples samples;
+    std::vector<MaterialSample> materials;
+    double areaM2 = 0.0; ///< of the mesh that they were spread over
+    std::vector<std::string> notes;
+};
+
+namespace {
+
+double surfaceArea(const TriangleMesh& mesh) {
+    double area = 0.0;
+    for (const glm::uvec3& t : mesh.triangles) {
+        const glm::vec3& a = mesh.positions[t.x];
+        area += 0.5 * glm::length(glm::cross(mesh.positions[t.y] - a, mesh.positions[t.z] - a));
+    }
+    return area;
+}
+
+glm::vec3 pointAt(const TriangleMesh& mesh, std::span<const glm::vec3> positions, std::uint32_t triangle,
+                  const glm::vec3& share) {
+    const glm::uvec3& t = mesh.triangles[triangle];
+    return share.x * positions[t.x] + share.y * positions[t.y] + share.z * positions[t.z];
+}
+
+Status checkCoefficients(const std::vector<float>& values, std::string_view what) {
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        if (std::abs(values[i]) <= kMaxShapeCoefficient) continue; // false for NaN
+        return makeError(ErrorCode::InvalidArgument, fmt::format("{} coefficient {}", what, i),
+                         fmt::format("expected a number from {} to {}, found {}", -kMaxShapeCoefficient,
+                                     kMaxShapeCoefficient, values[i]));
+    }
+    return {};
+}
+
+/// The body's names, or "shape 1", "shape 2"... where it has none.
+std::vector<std::string> coefficientNames(const std::vector<std::string>& given, int count, std::string_view what) {
+    std::vector<std::string> names = given;
+    names.resize(static_cast<std::size_t>(count));
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        if (names[i].empty()) names[i] = fmt::format("{} {}", what, i + 1);
+    }
+    return names;
+}
+
+} // namespace
+
+Result<std::shared_ptr<const RestAvatar::SkinPoints>>
+RestAvatar::pointsOn(const TemplateMesh& mesh, const RestAvatarOptions& options, const ProgressFunction& progress) {
     ARS_TRY_STATUS(checkOptions(options));
     ARS_TRY_STATUS(checkMesh(mesh));
-    std::unique_ptr<RestAvatar> avatar(new RestAvatar);
-    avatar->mesh_ = std::move(mesh);
-    const TriangleMesh& surface = avatar->mesh_.mesh;
     ARS_TRY_STATUS(reportProgress(progress, 0.0, "decoding textures"));
-    ARS_TRY(const TemplateMaterials materials, TemplateMaterials::decode(avatar->mesh_));
-    avatar->notes_ = materials.notes();
-    ARS_TRY(SurfaceSamples samples, samplesFor(surface, options, progress));
-    const std::vector<MaterialSample> found = sampleMaterials(materials, samples);
-    if (found.empty()) {
+    ARS_TRY(const TemplateMaterials materials, TemplateMaterials::decode(mesh));
+    auto points = std::make_shared<SkinPoints>();
+    points->notes = materials.notes();
+    ARS_TRY(points->samples, samplesFor(mesh.mesh, options, progress));
+    points->materials = sampleMaterials(materials, points->samples);
+    if (points->materials.empty()) {
         return makeError(ErrorCode::InvalidArgument, "rest avatar", "its materials are transparent everywhere");
     }
+    points->areaM2 = surfaceArea(mesh.mesh);
     ARS_TRY_STATUS(reportProgress(progress, 0.9, "making surfels"));
+    return std::shared_ptr<const SkinPoints>(std::move(points));
+}
 
-    const SurfacePoints points{samples.triangles, samples.barycentrics};
+Result<std::unique_ptr<RestAvatar>> RestAvatar::create(TemplateMesh mesh, const RestAvatarOptions& options,
+                                                       const ProgressFunction& progress) {
+    ARS_TRY(std::shared_ptr<const SkinPoints> points, pointsOn(mesh, options, progress));
+    return onPoints(std::move(mesh), std::move(points), options);
+}
+
+Result<std::unique_ptr<RestAvatar>> RestAvatar::onPoints(TemplateMesh mesh, std::shared_ptr<const SkinPoints> points,
+                                                         const RestAvatarOptions& options) {
+    std::unique_ptr<RestAvatar> avatar(new RestAvatar);
+    avatar->mesh_ = std::move(mesh);
+    avatar->options_ = options;
+    avatar->notes_ = points->notes;
+    const TriangleMesh& surface = avatar->mesh_.mesh;
+    const SurfaceSamples& samples = points->samples;
+    const SurfacePoints places{samples.triangles, samples.barycentrics};
     const std::vector<glm::vec3> normals =
-        interpolatedNormals(surface, surface.positions, smoothNormals(surface), points);
-    avatar->rig_.weights = interpolatedWeights(surface, avatar->mesh_.weights, points);
-    const std::size_t count = found.size();
+        interpolatedNormals(surface, surface.positions, smoothNormals(surface), places);
+    avatar->rig_.weights = interpolatedWeights(surface, avatar->mesh_.weights, places);
+    const std::size_t count = points->materials.size();
     Surfels& surfels = avatar->surfels_;
     surfels.means.resize(count);
     surfels.rotations.resize(4 * count);
     surfels.scales.resize(count);
     for (std::size_t i = 0; i < count; ++i) {
-        const glm::uvec3& t = surface.triangles[samples.triangles[i]];
-        const glm::vec3& share = samples.barycentrics[i];
-        surfels.means[i] =
-            share.x * surface.positions[t.x] + share.y * surface.positions[t.y] + share.z * surface.positions[t.z];
+        const MaterialSample& material = points->materials[i];
+        surfels.means[i] = pointAt(surface, surface.positions, samples.triangles[i], samples.barycentrics[i]);
         setRotation(surfels.rotations, i, turnToNormal(normals[i]));
-        surfels.opacities.push_back(options.opacity * found[i].alpha);
-        surfels.albedos.push_back(found[i].albedo);
-        surfels.colors.push_back(srgbOf(found[i].albedo));
-        surfels.roughnesses.push_back(found[i].roughness);
+        surfels.opacities.push_back(options.opacity * material.alpha);
+        surfels.albedos.push_back(material.albedo);
+        surfels.colors.push_back(srgbOf(material.albedo));
+        surfels.roughnesses.push_back(material.roughness);
     }
-    ARS_TRY(const std::vector<float> scales, surfelScales(surfels.means, samples.spacingM, options));
-    ARS_TRY(const std::vector<float> depths, insets(surface, surfels.means, normals, options.insetM));
+    // A heavier body stretches the pattern of its points.
+    const double stretch = std::sqrt(surfaceArea(surface) / points->areaM2);
+    const float spacing = static_cast<float>(stretch * static_cast<double>(samples.spacingM));
+    ARS_TRY(const std::vector<float> scales, surfelScales(surfels.means, spacing, options));
+    ARS_TRY(avatar->depths_, insets(surface, surfels.means, normals, options.insetM));
     for (std::size_t i = 0; i < count; ++i) {
         surfels.scales[i] = glm::vec2(scales[i]);
-        surfels.means[i] -= depths[i] * normals[i];
+        surfels.means[i] -= avatar->depths_[i] * normals[i];
     }
     if (options.twoSided) addBackSides(surfels, avatar->rig_.weights);
 
+    avatar->points_ = std::move(points);
     avatar->rig_.skeleton = avatar->mesh_.skeleton();
     avatar->rig_.parts = jointParts(avatar->rig_.skeleton);
     avatar->rig_.canonical.assign(avatar->rig_.parts.size(), glm::mat4(1.0f));
     return avatar;
+}
+
+Result<std::unique_ptr<RestAvatar>> RestAvatar::create(std::shared_ptr<const BodyModel> body,
+                                                       const std::vector<float>& betas,
+                                                       const RestAvatarOptions& options,
+                                                       const ProgressFunction& progress) {
+    ARS_TRY_STATUS(checkCoefficients(betas, "shape"));
+    // The points are spread over the body without shape, so that a slider of shape moves surfels and makes none.
+    ARS_TRY(std::shared_ptr<const SkinPoints> points, pointsOn(templateFromBody(*body), options, progress));
+    return ofBody(std::move(body), betas, std::move(points), options);
+}
+
+Result<std::unique_ptr<RestAvatar>> RestAvatar::withShape(const std::vector<float>& betas) const {
+    if (!body_) {
+        return makeError(ErrorCode::Unsupported, mesh_.name, "only bodies have a shape, this avatar is made of a mesh");
+    }
+    ARS_TRY_STATUS(checkCoefficients(betas, "shape"));
+    return ofBody(body_, betas, points_, options_);
+}
+
+Result<std::unique_ptr<RestAvatar>> RestAvatar::ofBody(std::shared_ptr<const BodyModel> body,
+                                                       const std::vector<float>& betas,
+                                                       std::shared_ptr<const SkinPoints> points,
+                                                       const RestAvatarOptions& options) {
+    TemplateMesh mesh = templateFromBody(*body, {betas, {}});
+    ARS_TRY_STATUS(checkMesh(mesh));
+    ARS_TRY(std::unique_ptr<RestAvatar> avatar, onPoints(std::move(mesh), std::move(points), options));
+    avatar->body_ = std::move(body);
+    avatar->shapeNames_ = coefficientNames(avatar->body_->shapeNames, avatar->body_->shapeCount, "shape");
+    avatar->expressionNames_ =
+        coefficientNames(avatar->body_->expressionNames, avatar->body_->expressionCount, "expression");
+    avatar->findMovingSurfels();
+    return avatar;
+}
+
+void RestAvatar::findMovingSurfels() {
+    constexpr float kMovesM = 1e-6f;
+    const std::vector<float>& directions = body_->expressionDirs;
+    const std::size_t width = 3 * static_cast<std::size_t>(body_->expressionCount);
+    const std::vector<glm::uvec3>& triangles = mesh_.mesh.triangles;
+    std::vector<std::uint8_t> moves(body_->vertexCount(), 0), turns(body_->vertexCount(), 0);
+    for (std::size_t v = 0; v < moves.size() && width > 0; ++v) {
+        moves[v] = std::any_of(&directions[v * width], &directions[v * width] + width,
+                               [](float d) { return std::abs(d) > kMovesM; });
+        if (moves[v]) movingVertices_.push_back(static_cast<std::uint32_t>(v));
+    }
+    for (const glm::uvec3& t : triangles) {
+        if (moves[t.x] || moves[t.y] || moves[t.z]) turns[t.x] = turns[t.y] = turns[t.z] = 1; // its normals change
+    }
+    for (std::size_t i = 0; i < points_->materials.size(); ++i) {
+        const glm::uvec3& t = triangles[points_->samples.triangles[i]];
+        if (turns[t.x] || turns[t.y] || turns[t.z]) movingSurfels_.push_back(static_cast<std::uint32_t>(i));
+    }
 }
 
 std::string RestAvatar::description() const {
@@ -279,21 +386,89 @@ std::string RestAvatar::description() const {
     return fmt::format("rest avatar of {}, {} surfels", mesh_.name.empty() ? "a mesh" : mesh_.name, digits);
 }
 
-Status RestAvatar::evaluate(const Pose&, const Camera*, Surfels& surfels) {
+bool RestAvatar::sameSurfels(const Pose& a, const Pose& b) const {
+    if (movingSurfels_.empty()) return true;
+    const auto coefficient = [](const Pose& pose, std::size_t i) {
+        return i < pose.expression.size() ? pose.expression[i] : 0.0f;
+    };
+    for (std::size_t i = 0; i < std::max(a.expression.size(), b.expression.size()); ++i) {
+        if (coefficient(a, i) != coefficient(b, i)) return false;
+    }
+    return true;
+}
+
+Status RestAvatar::evaluate(const Pose& pose, const Camera*, Surfels& surfels) {
     surfels = surfels_;
+    const bool plain = std::all_of(pose.expression.begin(), pose.expression.end(), [](float e) { return e == 0.0f; });
+    if (plain || movingSurfels_.empty()) return {};
+    ARS_TRY_STATUS(checkCoefficients(pose.expression, "expression"));
+    const TriangleMesh& surface = mesh_.mesh;
+    std::vector<glm::vec3> positions = surface.positions;
+    const auto count = static_cast<std::size_t>(body_->expressionCount);
+    const std::size_t used = std::min(count, pose.expression.size());
+    parallelFor(movingVertices_.size(), [&](std::size_t i) {
+        const std::size_t v = movingVertices_[i];
+        for (std::size_t c = 0; c < 3; ++c) {
+            const float* direction = &body_->expressionDirs[(3 * v + c) * count];
+            float sum = 0.0f;
+            for (std::size_t e = 0; e < used; ++e) sum += direction[e] * pose.expression[e];
+            positions[v][static_cast<int>(c)] += sum;
+        }
+    });
+    std::vector<std::uint32_t> triangles;
+    std::vector<glm::vec3> shares;
+    for (const std::uint32_t i : movingSurfels_) {
+        triangles.push_back(points_->samples.triangles[i]);
+        shares.push_back(points_->samples.barycentrics[i]);
+    }
+    const std::vector<glm::vec3> normals =
+        interpolatedNormals(surface, positions, vertexNormals(positions, surface.triangles), {triangles, shares});
+    const std::size_t back = options_.twoSided ? points_->materials.size() : 0;
+    parallelFor(movingSurfels_.size(), [&](std::size_t m) {
+        const std::size_t i = movingSurfels_[m];
+        const glm::quat turn = turnToNormal(normals[m]);
+        surfels.means[i] = pointAt(surface, positions, triangles[m], shares[m]) - depths_[i] * normals[m];
+        setRotation(surfels.rotations, i, turn);
+        if (back == 0) return;
+        surfels.means[back + i] = surfels.means[i];
+        setRotation(surfels.rotations, back + i, turn * glm::quat(0.0f, 1.0f, 0.0f, 0.0f));
+    });
     return {};
 }
 
-Result<std::unique_ptr<RestAvatar>> restAvatarFromFile(const std::string& source, const RestAvatarOptions& options,
-                                                       const ProgressFunction& progress, const ReadLimits& limits) {
-    ARS_TRY_STATUS(checkOptions(options));
+bool isBodyFile(const std::string& path, const ReadLimits& limits) {
+    const auto file = recogniseFile(path, limits);
+    if (!file || file->format != FileFormat::Npz) return false;
+    const auto entries = listNpz(path, limits);
+    if (!entries) return false;
+    return std::any_of(entries->begin(), entries->end(),
+                       [](const NpzEntry& e) { return e.key == "v_template" || e.key == "J_regressor"; });
+}
+
+Result<RestInput> readRestInput(const std::string& source, const ProgressFunction& progress, const ReadLimits& limits) {
+    RestInput result;
     if (source == "open" || isBodyFile(source, limits)) {
-        ARS_TRY(const BodyModel body, source == "open" ? readOpenBody() : readBodyModel(source, limits));
-        return RestAvatar::create(templateFromBody(body), options, progress);
+        ARS_TRY(BodyModel body, source == "open" ? readOpenBody() : readBodyModel(source, limits));
+        result.body = std::make_shared<const BodyModel>(std::move(body));
+        return result;
     }
     ARS_TRY(const BodyModel body, readOpenBody());
-    ARS_TRY(TemplateMesh mesh, readTemplate(source, body, {}, {}, progress, limits));
-    auto avatar = RestAvatar::create(std::move(mesh), options, progress);
+    ARS_TRY(result.mesh, readTemplate(source, body, {}, {}, progress, limits));
+    return result;
+}
+
+Result<std::unique_ptr<RestAvatar>> makeRestAvatar(RestInput source, const std::vector<float>& betas,
+                                                   const RestAvatarOptions& options, const ProgressFunction& progress) {
+    if (source.body) return RestAvatar::create(std::move(source.body), betas, options, progress);
+    return RestAvatar::create(std::move(source.mesh), options, progress);
+}
+
+Result<std::unique_ptr<RestAvatar>> restAvatarFromFile(const std::string& source, const RestAvatarOptions& options,
+                                                       const ProgressFunction& progress, const ReadLimits& limits,
+                                                       const std::vector<float>& betas) {
+    ARS_TRY_STATUS(checkOptions(options));
+    ARS_TRY(RestInput read, readRestInput(source, progress, limits));
+    auto avatar = makeRestAvatar(std::move(read), betas, options, progress);
     if (!avatar) return atPlace(std::move(avatar).error(), source);
     return avatar;
 }

@@ -68,6 +68,85 @@ glm::mat3 screenToWorld(const Camera& camera) {
     return glm::mat3(glm::transpose(camera.rotation) * toRay);
 }
 
+/// Drawing begins: nothing that was set before may leak in.
+void begin(int x, int y, int width, int height) {
+    glViewport(x, y, width, height);
+    glDisable(GL_DEPTH_TEST);
+    glDisable(GL_SCISSOR_TEST);
+    glDisable(GL_CULL_FACE);
+    glDisable(GL_BLEND);
+    glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+/// Pixels x, y, width, height of a box that is given in shares of the picture, row 0 on top, inside `area`.
+glm::ivec4 boxIn(const glm::vec2& low, const glm::vec2& high, const glm::ivec4& area) {
+    const glm::vec2 size(area.z, area.w);
+    const glm::ivec2 first = glm::max(glm::ivec2(glm::floor(low * size)), glm::ivec2(0));
+    const glm::ivec2 last = glm::min(glm::ivec2(glm::ceil(high * size)), glm::ivec2(area.z, area.w));
+    return {area.x + first.x, area.y + area.w - last.y, std::max(last.x - first.x, 0), std::max(last.y - first.y, 0)};
+}
+
+/// Box of all that is not empty, with a margin of two texels.
+void coveredBox(ImageView<const float> opacity, glm::vec2& low, glm::vec2& high) {
+    const int width = opacity.width, height = opacity.height;
+    auto rowCovered = [&](int row) {
+        const float* values = opacity.at(row, 0);
+        float largest = 0.0f;
+        for (int column = 0; column < width; ++column) largest = std::max(largest, values[column]);
+        return largest > 0.0f;
+    };
+    int top = 0, bottom = height;
+    while (top < bottom && !rowCovered(top)) ++top;
+    while (bottom > top && !rowCovered(bottom - 1)) --bottom;
+    int left = width, right = 0;
+    for (int row = top; row < bottom; ++row) {
+        const float* values = opacity.at(row, 0);
+        for (int column = 0; column < left; ++column) {
+            if (values[column] > 0.0f) left = column;
+        }
+        for (int column = width; column > right; --column) {
+            if (values[column - 1] > 0.0f) right = column;
+        }
+    }
+    if (right <= left) {
+        low = high = glm::vec2(0.0f);
+        return;
+    }
+    const glm::vec2 size(width, height);
+    low = (glm::vec2(left, top) - 2.0f) / size;
+    high = (glm::vec2(right, bottom) + 2.0f) / size;
+}
+
+/// Rows of the viewport, from the lower left, in which the floor can be seen.
+glm::ivec2 floorRows(const glm::mat3& screenToWorld, const glm::vec3& eye, const glm::ivec4& area) {
+    // The ray's height is linear on the screen; the floor is seen where it goes towards it.
+    const float sign = eye.y > 0.0f ? -1.0f : 1.0f;
+    float first = 1.0f, last = 0.0f;
+    for (const float u : {0.0f, 1.0f}) {
+        const float top = sign * (screenToWorld * glm::vec3(u, 0, 1)).y;
+        const float bottom = sign * (screenToWorld * glm::vec3(u, 1, 1)).y;
+        if (top <= 0 && bottom <= 0) continue;
+        const float crossing = top > 0 && bottom > 0 ? 0.0f : top / (top - bottom);
+        first = std::min(first, top > 0 ? 0.0f : crossing);
+        last = std::max(last, bottom > 0 ? 1.0f : crossing);
+    }
+    const auto row = [&](float v) { return static_cast<int>(std::floor((1.0f - v) * static_cast<float>(area.w))); };
+    return {area.y + std::max(row(last) - 1, 0), area.y + std::min(row(first) + 2, area.w)};
+}
+
+void blendScreen(const Shader& shader, GLuint vertices, const glm::ivec4& box) {
+    shader.use();
+    glBindVertexArray(vertices);
+    glEnable(GL_BLEND);
+    glBlendEquation(GL_FUNC_ADD);
+    glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+    glEnable(GL_SCISSOR_TEST);
+    glScissor(box.x, box.y, box.z, box.w);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glDisable(GL_SCISSOR_TEST);
+    glDisable(GL_BLEND);
+}
+
 } // namespace
 
 struct Presenter::VertexArray {
@@ -124,38 +203,52 @@ std::vector<OverlayLine> skeletonLines(const Skeleton& skeleton, std::span<const
     return lines;
 }
 
-Result<std::unique_ptr<Presenter>> Presenter::create() {
-    ARS_TRY(Shader present, Shader::load("screen.vert", "present.frag"));
-    ARS_TRY(Shader grid, Shader::load("screen.vert", "grid.frag"));
-    ARS_TRY(Shader line, Shader::load("line.vert", "line.frag"));
-    return std::unique_ptr<Presenter>(new Presenter(std::move(present), std::move(grid), std::move(line)));
-}
-
-Presenter::Presenter(Shader present, Shader grid, Shader line)
-    : present_(std::move(present)), grid_(std::move(grid)), line_(std::move(line)),
-      vertices_(std::make_shared<VertexArray>()) {
-    const float nothing[3] = {0, 0, 0};
-    environment_.uploadEnvironment({nothing, 1, 1, 3});
-    depth_.upload({nothing, 1, 1, 1}, false);
-    colorMap_.uploadTable(colorMapTable(colorMapIn_), 3);
-    srgbTable_.uploadTable(encodingTable(), 1);
-    toneTable_.uploadCubeTable(std::vector<float>(3 * 8, 0.0f), 2);
-}
-
-Status Presenter::setPicture(ImageView<const float> picture, ImageView<const float> opacity,
-                             ImageView<const float> depth) {
-    if (picture.width != opacity.width || picture.height != opacity.height ||
-        (!depth.empty() && (depth.width != picture.width || depth.height != picture.height))) {
+Status ShownPicture::set(ImageView<const float> picture, ImageView<const float> opacity, ImageView<const float> depth) {
+    auto differs = [&](const ImageView<const float>& other) {
+        return !other.empty() && (other.width != picture.width || other.height != picture.height);
+    };
+    if (differs(opacity) || differs(depth)) {
         return makeError(ErrorCode::InvalidArgument, "present",
                          fmt::format("picture {}x{}, opacity {}x{} and depth {}x{} differ in size", picture.width,
                                      picture.height, opacity.width, opacity.height, depth.width, depth.height));
     }
+    if (picture.empty() || (picture.channels != 1 && picture.channels != 3 && picture.channels != 4)) {
+        return makeError(ErrorCode::InvalidArgument, "present",
+                         fmt::format("a picture of {} channels, expected 1, 3 or 4", picture.channels));
+    }
     picture_.upload(picture, true);
-    opacity_.upload(opacity, true);
-    pictureChannels_ = picture.channels;
-    const float nothing = 0;
-    depth_.upload(depth.empty() ? ImageView<const float>{&nothing, 1, 1, 1} : depth, false);
+    channels_ = picture.channels;
+    const float one = 1.0f, zero = 0.0f;
+    opacity_.upload(opacity.empty() ? ImageView<const float>{&one, 1, 1, 1} : opacity, true);
+    depth_.upload(depth.empty() ? ImageView<const float>{&zero, 1, 1, 1} : depth, false);
+    low_ = glm::vec2(0.0f);
+    high_ = glm::vec2(1.0f);
+    if (!opacity.empty()) coveredBox(opacity, low_, high_);
     return {};
+}
+
+Result<std::unique_ptr<Presenter>> Presenter::create() {
+    ARS_TRY(Shader grid, Shader::load("screen.vert", "grid.frag"));
+    ARS_TRY(Shader line, Shader::load("line.vert", "line.frag"));
+    std::unique_ptr<Presenter> presenter(new Presenter(std::move(grid), std::move(line)));
+    // What does not compile must be known now and not in the middle of a frame.
+    ARS_TRY_STATUS([&]() -> Status {
+        ARS_TRY(const Shader* shader, presenter->presentShader(0, true, PresentSettings{}));
+        (void)shader;
+        return {};
+    }());
+    return presenter;
+}
+
+Presenter::Presenter(Shader grid, Shader line)
+    : grid_(std::move(grid)), line_(std::move(line)), vertices_(std::make_shared<VertexArray>()) {
+    const float zeros[3] = {0, 0, 0}, one = 1.0f;
+    environment_.uploadEnvironment({zeros, 1, 1, 3});
+    nothing_.upload({zeros, 1, 1, 1}, false);
+    opaque_.upload({&one, 1, 1, 1}, false);
+    colorMap_.uploadTable(colorMapTable(colorMapIn_), 3);
+    srgbTable_.uploadTable(encodingTable(), 1);
+    toneTable_.uploadCubeTable(std::vector<float>(3 * 8, 0.0f), 2);
 }
 
 void Presenter::setEnvironment(const Environment& environment) {
@@ -163,86 +256,250 @@ void Presenter::setEnvironment(const Environment& environment) {
                                     environment.picture.height, environment.picture.channels});
 }
 
+Result<const Shader*> Presenter::shader(const std::string& fragment, const std::string& definitions) {
+    const std::string key = fragment + "\n" + definitions;
+    auto found = shaders_.find(key);
+    if (found == shaders_.end()) {
+        ARS_TRY(Shader loaded, Shader::load("screen.vert", fragment, definitions));
+        found = shaders_.emplace(key, std::move(loaded)).first;
+    }
+    return &found->second;
+}
+
+Result<const Shader*> Presenter::presentShader(int kind, bool premultiplied, const PresentSettings& settings) {
+    const auto background = static_cast<int>(settings.backdrop);
+    // Data does not go through the curve, but an environment behind it does.
+    const bool tone =
+        settings.tone.curve != ToneCurve::None && (kind == 0 || settings.backdrop == Backdrop::Environment);
+    return shader("present.frag",
+                  fmt::format("#define KIND {}\n#define PREMULTIPLIED {}\n#define TONE {}\n#define BACKGROUND {}\n",
+                              kind, premultiplied ? 1 : 0, tone ? 1 : 0, background));
+}
+
+void Presenter::setColorMap(ColorMap map) {
+    if (map == colorMapIn_) return;
+    colorMap_.uploadTable(colorMapTable(map), 3);
+    colorMapIn_ = map;
+}
+
 void Presenter::updateTables(const PresentSettings& settings) {
-    if (settings.colorMap != colorMapIn_) {
-        colorMap_.uploadTable(colorMapTable(settings.colorMap), 3);
-        colorMapIn_ = settings.colorMap;
-    }
-    if (settings.tone.curve != curveIn_ && settings.tone.curve != ToneCurve::None) {
-        toneTable_.uploadCubeTable(curveTable(settings.tone.curve), kToneEntries);
-    }
+    setColorMap(settings.colorMap);
+    if (settings.tone.curve == curveIn_ || settings.tone.curve == ToneCurve::None) return;
+    toneTable_.uploadCubeTable(curveTable(settings.tone.curve), kToneEntries);
     curveIn_ = settings.tone.curve;
 }
 
-Status Presenter::draw(const PresentSettings& settings, const Camera& camera, std::span<const OverlayLine> lines, int x,
-                       int y, int width, int height) {
-    if (picture_.empty()) return makeError(ErrorCode::InvalidArgument, "present", "no picture was set");
+/// Everything of present.frag but the picture's own textures.
+void Presenter::prepare(const Shader& shader, const PresentSettings& settings, const Camera& camera) const {
+    const Texture* textures[] = {&colorMap_, &srgbTable_, &toneTable_, &environment_};
+    const char* names[] = {"colorMap", "srgbTable", "toneTable", "environment"};
+    for (int i = 0; i < 4; ++i) {
+        textures[i]->bind(i + 2);
+        shader.set(names[i], i + 2);
+    }
+    const ToneParams& tone = settings.tone;
+    const glm::vec3 background(tone.backgroundRed, tone.backgroundGreen, tone.backgroundBlue);
+    shader.set("range", glm::vec2(settings.minimum, settings.maximum));
+    shader.set("exposure", std::exp2(tone.exposureEv));
+    shader.set("shaper", glm::vec2(kDarkestLog2, kBrightestLog2));
+    shader.set("backgroundLinear", background);
+    shader.set("backgroundShown",
+               glm::vec3(linearToSrgb(background.r), linearToSrgb(background.g), linearToSrgb(background.b)));
+    shader.set("screenToEnvironment", worldToEnvironment(settings.placement.rotationDeg) * screenToWorld(camera));
+    shader.set("environmentScale", settings.placement.scale);
+    const float levels = std::log2(static_cast<float>(std::max(environment_.width(), 1)));
+    shader.set("environmentLod", settings.backdropBlur * levels);
+    shader.set("pixels", glm::vec2(camera.width, camera.height));
+}
+
+Status Presenter::draw(const ShownPicture& picture, const PresentSettings& settings, const Camera& camera,
+                       std::span<const OverlayLine> lines, int x, int y, int width, int height) {
+    if (picture.empty()) return makeError(ErrorCode::InvalidArgument, "present", "no picture was set");
     if (width < 1 || height < 1) return {}; // a minimised window
     updateTables(settings);
-    glViewport(x, y, width, height);
-    glDisable(GL_DEPTH_TEST);
-    glDisable(GL_BLEND);
-    const Camera resized = resizedCamera(camera, width, height);
-    drawPicture(settings, resized);
-    glEnable(GL_BLEND);
-    glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
-    if (settings.grid) drawGrid(settings, resized);
-    if (!lines.empty()) drawLines(lines, resized);
-    glDisable(GL_BLEND);
+    begin(x, y, width, height);
+    ARS_TRY_STATUS(drawPicture(picture, settings, resizedCamera(camera, width, height), {x, y, width, height}));
+    drawOverlays(picture, settings, camera, lines, x, y, width, height);
     return {};
 }
 
-void Presenter::drawPicture(const PresentSettings& settings, const Camera& camera) {
-    const int units = 6;
-    const Texture* textures[units] = {&picture_, &opacity_, &colorMap_, &srgbTable_, &toneTable_, &environment_};
-    const char* names[units] = {"picture", "opacity", "colorMap", "srgbTable", "toneTable", "environment"};
-    for (int i = 0; i < units; ++i) {
-        textures[i]->bind(i);
-        present_.set(names[i], i);
+Status Presenter::drawBackground(const PresentSettings& settings, const Camera& camera, int x, int y, int width,
+                                 int height) {
+    if (width < 1 || height < 1) return {};
+    updateTables(settings);
+    begin(x, y, width, height);
+    return fillBackground(settings, resizedCamera(camera, width, height), {x, y, width, height}, {x, y, 0, 0});
+}
+
+void Presenter::drawOverlays(const ShownPicture& picture, const PresentSettings& settings, const Camera& camera,
+                             std::span<const OverlayLine> lines, int x, int y, int width, int height) {
+    if (width < 1 || height < 1 || (!settings.grid && lines.empty())) return;
+    begin(x, y, width, height);
+    const Camera resized = resizedCamera(camera, width, height);
+    glEnable(GL_BLEND);
+    glBlendEquation(GL_FUNC_ADD);
+    glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+    if (settings.grid) drawGrid(picture, settings, resized, {x, y, width, height});
+    if (!lines.empty()) drawLines(picture, lines, resized, 0.45f, 0.0f, false);
+    glDisable(GL_BLEND);
+}
+
+Status Presenter::tint(const ShownPicture& picture, float strength, int x, int y, int width, int height) {
+    if (picture.empty()) return makeError(ErrorCode::InvalidArgument, "present", "no picture was set");
+    if (width < 1 || height < 1) return {};
+    ARS_TRY(const Shader* shader, this->shader("tint.frag", ""));
+    begin(x, y, width, height);
+    picture.picture_.bind(0);
+    picture.opacity_.bind(1);
+    shader->set("picture", 0);
+    shader->set("opacity", 1);
+    shader->set("tint", glm::vec4(0, 0, 0, strength));
+    blendScreen(*shader, vertices_->array, boxIn(picture.low_, picture.high_, {x, y, width, height}));
+    return {};
+}
+
+void Presenter::drawMask(const ShownPicture& picture, const Camera& camera, std::span<const OverlayLine> lines,
+                         float biasM, int width, int height) {
+    begin(0, 0, width, height);
+    glClearColor(0, 0, 0, 1);
+    glClear(GL_COLOR_BUFFER_BIT);
+    if (lines.empty()) return;
+    glEnable(GL_BLEND);
+    glBlendEquation(GL_MAX);
+    drawLines(picture, lines, resizedCamera(camera, width, height), 0.0f, biasM, true);
+    glBlendEquation(GL_FUNC_ADD);
+    glDisable(GL_BLEND);
+}
+
+Status Presenter::tintMask(const ShownPicture& picture, const RenderTarget& mask, const glm::vec4& color, int x, int y,
+                           int width, int height) {
+    if (width < 1 || height < 1) return {};
+    ARS_TRY(const Shader* shader, this->shader("tint.frag", "#define FROM_MASK\n"));
+    begin(x, y, width, height);
+    glBindTextureUnit(0, mask.texture());
+    (picture.empty() ? opaque_ : picture.opacity_).bind(1);
+    shader->set("picture", 0);
+    shader->set("opacity", 1);
+    shader->set("tint", color);
+    blendScreen(*shader, vertices_->array, {x, y, width, height});
+    return {};
+}
+
+Status Presenter::drawDifference(const RenderTarget& first, const RenderTarget& second, bool squared, float maximum,
+                                 ColorMap map, int x, int y, int width, int height) {
+    if (width < 1 || height < 1) return {};
+    ARS_TRY(const Shader* shader, this->shader("difference.frag", ""));
+    setColorMap(map);
+    begin(x, y, width, height);
+    glBindTextureUnit(0, first.texture());
+    glBindTextureUnit(1, second.texture());
+    colorMap_.bind(2);
+    shader->set("first", 0);
+    shader->set("second", 1);
+    shader->set("colorMap", 2);
+    shader->set("squared", squared);
+    shader->set("maximum", maximum);
+    shader->use();
+    glBindVertexArray(vertices_->array);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    return {};
+}
+
+/// Everything of `area` but `hole`, both x, y, width, height.
+Status Presenter::fillBackground(const PresentSettings& settings, const Camera& camera, const glm::ivec4& area,
+                                 const glm::ivec4& hole) {
+    glEnable(GL_SCISSOR_TEST);
+    if (settings.backdrop == Backdrop::Color) {
+        const ToneParams& tone = settings.tone;
+        glScissor(area.x, area.y, area.z, area.w);
+        glClearColor(linearToSrgb(tone.backgroundRed), linearToSrgb(tone.backgroundGreen),
+                     linearToSrgb(tone.backgroundBlue), 1.0f);
+        glClear(GL_COLOR_BUFFER_BIT);
+        glDisable(GL_SCISSOR_TEST);
+        return {};
     }
-    const GLint filter = settings.smooth ? GL_LINEAR : GL_NEAREST;
-    for (const Texture* texture : {&picture_, &opacity_}) {
+    const Result<const Shader*> shader = presentShader(-1, false, settings);
+    if (!shader) {
+        glDisable(GL_SCISSOR_TEST);
+        return shader.error();
+    }
+    prepare(**shader, settings, camera);
+    (*shader)->use();
+    glBindVertexArray(vertices_->array);
+    const int right = hole.x + hole.z, top = hole.y + hole.w;
+    const glm::ivec4 around[] = {{area.x, area.y, area.z, hole.y - area.y},
+                                 {area.x, top, area.z, area.y + area.w - top},
+                                 {area.x, hole.y, hole.x - area.x, hole.w},
+                                 {right, hole.y, area.x + area.z - right, hole.w}};
+    for (const glm::ivec4& part : around) {
+        if (part.z < 1 || part.w < 1) continue;
+        glScissor(part.x, part.y, part.z, part.w);
+        glDrawArrays(GL_TRIANGLES, 0, 3);
+    }
+    glDisable(GL_SCISSOR_TEST);
+    return {};
+}
+
+Status Presenter::drawPicture(const ShownPicture& picture, const PresentSettings& settings, const Camera& camera,
+                              const glm::ivec4& area) {
+    // Opacity itself is data everywhere: nothing lies behind it.
+    const bool everywhere = settings.buffer == BufferId::Opacity;
+    const glm::ivec4 box = everywhere ? area : boxIn(picture.low_, picture.high_, area);
+    ARS_TRY_STATUS(fillBackground(settings, camera, area, box));
+    if (box.z < 1 || box.w < 1) return {};
+    const int kind = static_cast<int>(bufferInfo(settings.buffer).kind);
+    ARS_TRY(const Shader* shader, presentShader(kind, picture.channels_ == 4, settings));
+    picture.picture_.bind(0);
+    (everywhere ? opaque_ : picture.opacity_).bind(1);
+    shader->set("picture", 0);
+    shader->set("opacity", 1);
+    // At its own size every pixel is one texel, and looking at its neighbours changes nothing.
+    const bool same = picture.width() == area.z && picture.height() == area.w;
+    const GLint filter = settings.smooth && !same ? GL_LINEAR : GL_NEAREST;
+    for (const Texture* texture : {&picture.picture_, &picture.opacity_}) {
         glTextureParameteri(texture->name(), GL_TEXTURE_MAG_FILTER, filter);
         glTextureParameteri(texture->name(), GL_TEXTURE_MIN_FILTER, filter);
     }
-    const ToneParams& tone = settings.tone;
-    present_.set("kind", static_cast<int>(bufferInfo(settings.buffer).kind));
-    present_.set("premultiplied", pictureChannels_ == 4);
-    present_.set("range", glm::vec2(settings.minimum, settings.maximum));
-    present_.set("exposure", std::exp2(tone.exposureEv));
-    present_.set("useToneTable", tone.curve != ToneCurve::None);
-    present_.set("shaper", glm::vec2(kDarkestLog2, kBrightestLog2));
-    present_.set("background", static_cast<int>(settings.backdrop));
-    present_.set("backgroundLinear", glm::vec3(tone.backgroundRed, tone.backgroundGreen, tone.backgroundBlue));
-    present_.set("screenToEnvironment", worldToEnvironment(settings.placement.rotationDeg) * screenToWorld(camera));
-    present_.set("environmentScale", settings.placement.scale);
-    const float levels = std::log2(static_cast<float>(std::max(environment_.width(), 1)));
-    present_.set("environmentLod", settings.backdropBlur * levels);
-    present_.set("pixels", glm::vec2(camera.width, camera.height));
-    present_.use();
+    prepare(*shader, settings, camera);
+    shader->use();
     glBindVertexArray(vertices_->array);
+    glEnable(GL_SCISSOR_TEST);
+    glScissor(box.x, box.y, box.z, box.w);
     glDrawArrays(GL_TRIANGLES, 0, 3);
+    glDisable(GL_SCISSOR_TEST);
+    return {};
 }
 
-void Presenter::drawGrid(const PresentSettings& settings, const Camera& camera) {
-    depth_.bind(0);
+void Presenter::drawGrid(const ShownPicture& picture, const PresentSettings& settings, const Camera& camera,
+                         const glm::ivec4& area) {
+    const glm::mat3 toWorld = screenToWorld(camera);
+    const glm::vec3 eye(camera.centerWorld());
+    (picture.empty() ? nothing_ : picture.depth_).bind(0);
     grid_.set("depth", 0);
-    grid_.set("screenToWorld", screenToWorld(camera));
-    grid_.set("eye", glm::vec3(camera.centerWorld()));
+    grid_.set("screenToWorld", toWorld);
+    grid_.set("eye", eye);
     grid_.set("gridColor", settings.gridColor);
     grid_.set("xColor", glm::vec3(0.85f, 0.33f, 0.30f));
     grid_.set("zColor", glm::vec3(0.30f, 0.50f, 0.88f));
     grid_.use();
     glBindVertexArray(vertices_->array);
+    const glm::ivec2 rows = floorRows(toWorld, eye, area);
+    if (rows.y <= rows.x) return;
+    glEnable(GL_SCISSOR_TEST);
+    glScissor(area.x, rows.x, area.z, rows.y - rows.x);
     glDrawArrays(GL_TRIANGLES, 0, 3);
+    glDisable(GL_SCISSOR_TEST);
 }
 
-void Presenter::drawLines(std::span<const OverlayLine> lines, const Camera& camera) {
-    depth_.bind(0);
+void Presenter::drawLines(const ShownPicture& picture, std::span<const OverlayLine> lines, const Camera& camera,
+                          float behind, float biasM, bool premultiplied) {
+    (picture.empty() ? nothing_ : picture.depth_).bind(0);
     line_.set("depth", 0);
     line_.set("focal", glm::vec4(camera.fx, camera.fy, camera.cx, camera.cy));
     line_.set("pixels", glm::vec2(camera.width, camera.height));
-    line_.set("behind", 0.45f);
+    line_.set("behind", behind);
+    line_.set("bias", biasM);
+    line_.set("premultiplied", premultiplied);
     line_.use();
     glBindVertexArray(vertices_->array);
     // One draw per width: the width decides the softness of the edge.

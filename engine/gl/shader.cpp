@@ -11,12 +11,15 @@ namespace ars {
 
 namespace {
 
-Result<GLuint> compile(GLenum stage, const std::string& file) {
+Result<GLuint> compile(GLenum stage, const std::string& file, const std::string& definitions) {
     ARS_TRY(const std::filesystem::path resources, resourceFolder());
     ARS_TRY(const std::string source, readTextFile(resources.parent_path() / "shaders" / file));
     const GLuint shader = glCreateShader(stage);
-    const char* text = source.c_str();
-    glShaderSource(shader, 1, &text, nullptr);
+    // The version must stay the first line.
+    const std::size_t body = source.find('\n') + 1;
+    const std::string version = source.substr(0, body);
+    const char* texts[] = {version.c_str(), definitions.c_str(), source.c_str() + body};
+    glShaderSource(shader, 3, texts, nullptr);
     glCompileShader(shader);
     GLint done = GL_FALSE;
     glGetShaderiv(shader, GL_COMPILE_STATUS, &done);
@@ -29,9 +32,10 @@ Result<GLuint> compile(GLenum stage, const std::string& file) {
 
 } // namespace
 
-Result<Shader> Shader::load(const std::string& vertexFile, const std::string& fragmentFile) {
-    ARS_TRY(const GLuint vertex, compile(GL_VERTEX_SHADER, vertexFile));
-    const Result<GLuint> fragment = compile(GL_FRAGMENT_SHADER, fragmentFile);
+Result<Shader> Shader::load(const std::string& vertexFile, const std::string& fragmentFile,
+                            const std::string& definitions) {
+    ARS_TRY(const GLuint vertex, compile(GL_VERTEX_SHADER, vertexFile, definitions));
+    const Result<GLuint> fragment = compile(GL_FRAGMENT_SHADER, fragmentFile, definitions);
     if (!fragment) {
         glDeleteShader(vertex);
         return fragment.error();

@@ -12,7 +12,10 @@ namespace ars {
 class Shader {
 public:
     /// NotFound names the missing file; Internal holds the compiler's words with the file's name.
-    static Result<Shader> load(const std::string& vertexFile, const std::string& fragmentFile);
+    /// @param definitions  lines put before both sources ("#define KIND 3\n"): what is constant there costs nothing per
+    ///                     pixel, while a uniform's branches are all computed by software renderers
+    static Result<Shader> load(const std::string& vertexFile, const std::string& fragmentFile,
+                               const std::string& definitions = {});
     Shader(Shader&& other) noexcept;
     Shader& operator=(Shader&& other) noexcept;
     ~Shader();

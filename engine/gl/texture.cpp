@@ -77,6 +77,10 @@ void Texture::upload(ImageView<const float> picture, bool linear) {
     glTextureSubImage2D(name_, 0, 0, 0, picture.width, picture.height, format.outside, GL_FLOAT, picture.data);
 }
 
+void Texture::reserve(int width, int height, int channels) {
+    storage(GL_TEXTURE_2D, 1, channels == 1 ? GL_R32F : GL_RGBA32F, width, height, 1);
+}
+
 void Texture::uploadEnvironment(ImageView<const float> picture) {
     const auto longer = static_cast<unsigned>(std::max(picture.width, picture.height));
     storage(GL_TEXTURE_2D, std::bit_width(longer), GL_RGB16F, picture.width, picture.height, 1);
@@ -105,13 +109,21 @@ void Texture::uploadCubeTable(std::span<const float> values, int size) {
 
 void Texture::makeTarget(int width, int height) { storage(GL_TEXTURE_2D, 1, GL_RGBA8, width, height, 1); }
 
+void Texture::makeDepthTarget(int width, int height) {
+    storage(GL_TEXTURE_2D, 1, GL_DEPTH_COMPONENT32F, width, height, 1);
+}
+
 void Texture::bind(int unit) const { glBindTextureUnit(static_cast<GLuint>(unit), name_); }
 
-Result<RenderTarget> RenderTarget::create(int width, int height) {
+Result<RenderTarget> RenderTarget::create(int width, int height, bool depth) {
     RenderTarget target;
     target.color_.makeTarget(width, height);
     glCreateFramebuffers(1, &target.framebuffer_);
     glNamedFramebufferTexture(target.framebuffer_, GL_COLOR_ATTACHMENT0, target.color_.name(), 0);
+    if (depth) {
+        target.depth_.makeDepthTarget(width, height);
+        glNamedFramebufferTexture(target.framebuffer_, GL_DEPTH_ATTACHMENT, target.depth_.name(), 0);
+    }
     if (glCheckNamedFramebufferStatus(target.framebuffer_, GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE) {
         return makeError(ErrorCode::Unavailable, "OpenGL",
                          fmt::format("no picture of {}x{} to draw into", width, height));
@@ -124,6 +136,7 @@ RenderTarget::RenderTarget(RenderTarget&& other) noexcept { *this = std::move(ot
 RenderTarget& RenderTarget::operator=(RenderTarget&& other) noexcept {
     std::swap(framebuffer_, other.framebuffer_);
     std::swap(color_, other.color_);
+    std::swap(depth_, other.depth_);
     return *this;
 }
 
@@ -148,6 +161,16 @@ std::vector<std::uint8_t> RenderTarget::read() const {
                   pixels.begin() + static_cast<std::ptrdiff_t>(row) * y);
     }
     return pixels;
+}
+
+TargetScope::TargetScope() {
+    glGetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &framebuffer_);
+    glGetIntegerv(GL_VIEWPORT, viewport_);
+}
+
+TargetScope::~TargetScope() {
+    glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(framebuffer_));
+    glViewport(viewport_[0], viewport_[1], viewport_[2], viewport_[3]);
 }
 
 } // namespace ars

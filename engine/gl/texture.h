@@ -20,6 +20,8 @@ public:
     /// A float picture in host memory with 1, 3 or 4 channels, without mip levels; memory is reused where size and
     /// channels stay. `linear`: interpolates between texels, else shows them as squares.
     void upload(ImageView<const float> picture, bool linear);
+    /// Storage for a float picture that somebody else fills in: 1 channel, or 4 for everything else.
+    void reserve(int width, int height, int channels);
     /// The same with mip levels, wrapping around horizontally: an environment.
     void uploadEnvironment(ImageView<const float> picture);
     /// A table over [0, 1] of `channels` floats per entry.
@@ -28,6 +30,8 @@ public:
     void uploadCubeTable(std::span<const float> values, int size);
     /// Empty target to draw into, RGBA with 8 bits.
     void makeTarget(int width, int height);
+    /// The same for depth, 32 bits.
+    void makeDepthTarget(int width, int height);
 
     void bind(int unit) const;
     unsigned name() const { return name_; }
@@ -50,7 +54,8 @@ private:
 class RenderTarget {
 public:
     /// Unavailable when the driver refuses.
-    static Result<RenderTarget> create(int width, int height);
+    /// @param depth  whether it can be drawn into with a depth test
+    static Result<RenderTarget> create(int width, int height, bool depth = false);
     RenderTarget(RenderTarget&& other) noexcept;
     RenderTarget& operator=(RenderTarget&& other) noexcept;
     ~RenderTarget();
@@ -66,7 +71,21 @@ public:
 private:
     RenderTarget() = default;
     unsigned framebuffer_ = 0;
-    Texture color_;
+    Texture color_, depth_;
+};
+
+/// Remembers which frame buffer and viewport are in use and brings them back at the end of its life: for drawing into a
+/// target in the middle of somebody else's frame.
+class TargetScope {
+public:
+    TargetScope();
+    ~TargetScope();
+    TargetScope(const TargetScope&) = delete;
+    TargetScope& operator=(const TargetScope&) = delete;
+
+private:
+    int framebuffer_ = 0;
+    int viewport_[4] = {};
 };
 
 } // namespace ars

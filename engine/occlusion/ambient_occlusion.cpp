@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 #include <vector>
 
 namespace ars {
@@ -178,6 +179,7 @@ Result<OcclusionArguments> prepare(const OcclusionParams& params, const Occlusio
     a.opacity = inputs.opacity.data;
     a.radius[0] = inputs.radius.data;
     a.subset = params.quality == OcclusionQuality::Interactive;
+    a.endRow = inputs.camera.height;
     ARS_TRY_STATUS(prepareTables(params, inputs.device, workspace, a.tables));
     ARS_TRY_STATUS(prepareScratch(inputs, workspace, a));
     return a;
@@ -339,7 +341,7 @@ Status OcclusionRefinement::refine(const OcclusionParams& params, const Occlusio
                                    OcclusionWorkspace& workspace, ImageView<float> occlusion) {
     ARS_TRY(OcclusionArguments a, prepare(params, inputs, workspace));
     ARS_TRY_STATUS(checkPicture("occlusion", occlusion, 1, inputs.camera));
-    if (!sameInputs(params, inputs, version)) done_ = 0;
+    if (!sameInputs(params, inputs, version)) reset();
     ARS_TRY_STATUS(sums_.reshape(inputs.device, inputs.camera.width, inputs.camera.height, 2, "occlusion: refinement"));
     params_ = params;
     camera_ = inputs.camera;
@@ -348,7 +350,7 @@ Status OcclusionRefinement::refine(const OcclusionParams& params, const Occlusio
     version_ = version;
     // A pass has a cost of its own for each pixel: many passes of few directions would take several times as long.
     OcclusionParams larger = params;
-    larger.interactiveDirections = std::max(params.interactiveDirections, kRefinementDirections);
+    larger.interactiveDirections = std::max(params.interactiveDirections, directions_);
     passes_ = 1 + occlusionPasses(larger, importance_);
     a.subset = true;
     a.occlusion[0] = occlusion.data;
@@ -357,9 +359,20 @@ Status OcclusionRefinement::refine(const OcclusionParams& params, const Occlusio
         a.sums = sums_.view().data;
         a.pass = done_ - 1;
     }
+    rows_ = inputs.camera.height;
+    const bool whole = done_ == 0 || done_ >= passes_ || inputs.device.kind != DeviceKind::Host;
+    a.firstRow = whole ? 0 : nextRow_;
+    a.endRow = whole ? rows_ : std::min(rows_, nextRow_ + (rows_ + bands_ - 1) / bands_);
     ARS_TRY_STATUS(run(a, inputs.device));
-    if (done_ < passes_) ++done_;
+    nextRow_ = a.endRow < rows_ ? a.endRow : 0;
+    if (nextRow_ == 0 && done_ < passes_) ++done_;
     return {};
+}
+
+void OcclusionRefinement::setSlices(int bands, int directions) {
+    bands_ = std::max(1, bands);
+    directions = std::clamp(directions, kOcclusionLanes, 1024);
+    if (directions != std::exchange(directions_, directions)) reset();
 }
 
 Result<OcclusionCost> occlusionCost(const OcclusionParams& params, const OcclusionInputs& inputs) {

@@ -129,7 +129,12 @@ inline constexpr int kRefinementDirections = 256;
 class OcclusionRefinement {
 public:
     /// Starts again with the next pass.
-    void reset() { done_ = 0; }
+    void reset() { done_ = nextRow_ = 0; }
+    /// How much a call takes after the first: of passes of `directions` (at least interactiveDirections; another number
+    /// starts again), `bands` calls make one, each a part of the rows from the top. So calls stay short where the
+    /// foreground fills a large picture. The picture given must then be the last call's. CUDA devices take whole
+    /// passes.
+    void setSlices(int bands, int directions = kRefinementDirections);
     /// Takes the next pass and writes the mean so far; when complete() it only writes the picture again.
     ///
     /// Starts again by itself when the parameters, the camera, the size or `version` differ from the last call's; the
@@ -142,7 +147,10 @@ public:
     int passes() const { return passes_; }
     bool complete() const { return passes_ > 0 && done_ >= passes_; }
     /// Share of the passes that are done, [0, 1]; pixels of low importance are ready long before.
-    float share() const { return passes_ > 0 ? static_cast<float>(done_) / static_cast<float>(passes_) : 0.0f; }
+    float share() const {
+        const float band = rows_ > 0 ? static_cast<float>(nextRow_) / static_cast<float>(rows_) : 0.0f;
+        return passes_ > 0 ? (static_cast<float>(done_) + band) / static_cast<float>(passes_) : 0.0f;
+    }
 
 private:
     bool sameInputs(const OcclusionParams& params, const OcclusionInputs& inputs, std::uint64_t version) const;
@@ -155,6 +163,10 @@ private:
     std::uint64_t version_ = 0;
     int done_ = 0;
     int passes_ = 0;
+    int bands_ = 1;
+    int directions_ = kRefinementDirections;
+    int nextRow_ = 0; ///< of the pass under way
+    int rows_ = 0;    ///< of the picture
 };
 
 /// What a picture costs; for benchmarks and the timing panel. Host pictures only (Unsupported otherwise); slow.

@@ -321,18 +321,19 @@ OcclusionTiles boundTiles(const OcclusionArguments& a) {
     return tiles;
 }
 
-/// body(x, y, scratch) for every pixel, block by block.
+/// body(x, y, scratch) for every pixel of the rows that are asked for, block by block.
 template <typename Body>
 void forEachPixel(const OcclusionArguments& a, const Body& body) {
     const int columns = (a.march.width + kBlock - 1) / kBlock;
-    const int rows = (a.march.height + kBlock - 1) / kBlock;
+    const int rows = std::max(0, a.endRow - a.firstRow + kBlock - 1) / kBlock;
     parallelRanges(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows), 2,
                    [&a, &body, columns](std::size_t begin, std::size_t end) {
                        Scratch scratch;
                        for (std::size_t block = begin; block < end; ++block) {
                            const int x0 = static_cast<int>(block % static_cast<std::size_t>(columns)) * kBlock;
-                           const int y0 = static_cast<int>(block / static_cast<std::size_t>(columns)) * kBlock;
-                           for (int y = y0; y < std::min(y0 + kBlock, a.march.height); ++y) {
+                           const int y0 =
+                               a.firstRow + static_cast<int>(block / static_cast<std::size_t>(columns)) * kBlock;
+                           for (int y = y0; y < std::min(y0 + kBlock, a.endRow); ++y) {
                                for (int x = x0; x < std::min(x0 + kBlock, a.march.width); ++x) body(x, y, scratch);
                            }
                        }

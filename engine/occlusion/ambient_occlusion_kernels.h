@@ -52,6 +52,8 @@ struct OcclusionArguments {
     float* sums = nullptr; ///< (height, width, 2) occluded and total weight so far, or null; then radii is 1
     int pass = 0;          ///< subset of the directions; with `sums` it counts from 0 and pixels that are complete rest
     bool subset = false;   ///< take one subset rather than all directions
+    int firstRow = 0;      ///< host: of those that are written
+    int endRow = 0;        ///< host: after the last of them
     float* paddedDepth = nullptr;   ///< (height + 2, stride) scratch
     float* tiles = nullptr;         ///< host: (3, tileCapacity) scratch, or null: nothing is skipped
     std::size_t tileCapacity = 0;   ///< tiles of kSmallestTile that cover the picture, with margins

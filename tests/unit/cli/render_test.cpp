@@ -3,6 +3,7 @@
 #include "engine/io/image_file.h"
 #include "engine/io/png.h"
 #include "engine/rig/motion.h"
+#include "engine/scene/project.h"
 
 #include "tests/unit/cli/run_ars.h"
 
@@ -54,13 +55,33 @@ TEST(Render, APictureCarriesWhatMadeIt) {
     EXPECT_EQ(png->image.width, 96);
     EXPECT_EQ(png->image.height, 128);
     const auto document = nlohmann::json::parse(png->text.at("ars"));
-    EXPECT_EQ(document["avatar"], "rest:open");
-    EXPECT_EQ(document["environment"]["source"], "studio:rim");
-    EXPECT_EQ(document["environment"]["rotation_deg"], 40.0);
-    EXPECT_NEAR(document["settings"]["radii"]["hand"].get<double>(), 0.1, 1e-6);
-    EXPECT_EQ(document["settings"]["occlusion"]["adaptive"], "off");
-    EXPECT_EQ(document["pose"]["axis_angle"].size(), 165u);
-    EXPECT_EQ(document["camera"]["width"], 96);
+    EXPECT_EQ(document["picture"]["camera"]["width"], 96);
+    EXPECT_EQ(document["picture"]["device"], "cpu");
+    EXPECT_GT(document["picture"]["surfels"].get<int>(), 4000);
+    // It is the document of a session that shows the same.
+    std::vector<std::string> notes;
+    const auto restored = documentFromPicture(folder / "0000.png", &notes);
+    ASSERT_TRUE(restored.ok()) << restored.error().describe();
+    EXPECT_TRUE(notes.empty()) << notes.front();
+    EXPECT_EQ(restored->avatar.source, "rest:open");
+    EXPECT_EQ(restored->avatar.rest.maxSurfels, 8000);
+    EXPECT_EQ(restored->light.kind, LightKind::Studio);
+    EXPECT_EQ(studioToJson(restored->light.studio), studioToJson(studioPreset(StudioPreset::Rim)));
+    EXPECT_EQ(restored->light.rotationDeg, 40.0f);
+    EXPECT_EQ(restored->occlusion.radii, uniformPartRadii(0.1f));
+    EXPECT_EQ(restored->occlusion.settings.screenSpace.adaptive, OcclusionAdaptive::Off);
+    EXPECT_EQ(restored->pose.pose.rotations.size(), 55u);
+    const auto again = runArs({"render", "--project", (folder / "0000.png").string(), "--size", "96x128", "--device",
+                               "cpu", "--out", (folder / "again.png").string()});
+    ASSERT_EQ(again.exitCode, 0) << again.errors;
+    const auto second = readPng(folder / "again.png");
+    ASSERT_TRUE(second.ok());
+    ASSERT_EQ(second->image.pixels.size(), png->image.pixels.size());
+    for (std::size_t i = 0; i < png->image.pixels.size(); ++i) {
+        // The session filters its light from the full base, not from --light-size 64.
+        ASSERT_NEAR(second->image.pixels[i], png->image.pixels[i], 4.0f / 255.0f);
+    }
+    EXPECT_TRUE(*documentFromPicture(folder / "again.png") == *restored);
     const auto json = parsed(result);
     EXPECT_EQ(json["frames"], 1);
     EXPECT_EQ(json["files"].size(), 1u);
@@ -88,7 +109,7 @@ TEST(Render, EveryBufferIsALayerOfTheExr) {
         EXPECT_NE(exr->find(name), nullptr) << name;
     }
     EXPECT_EQ(exr->find("radius_plus.Y"), nullptr) << "R+ is training's";
-    EXPECT_EQ(nlohmann::json::parse(exr->textAttributes.at("ars"))["avatar"], "rest:open");
+    EXPECT_EQ(nlohmann::json::parse(exr->textAttributes.at("ars"))["avatar"]["source"], "rest:open");
     EXPECT_EQ(namesIn(folder.path()).size(), 15u) << "an EXR and a PNG for each of fourteen buffers";
     // Empty pixels are 0 in every layer, and normals face the camera.
     const std::vector<float>& opacity = exr->find("opacity.Y")->pixels;
@@ -118,10 +139,75 @@ TEST(Render, AMotionUnderATurningCameraAndLightBecomesAFilm) {
     const auto json = nlohmann::json::parse(probe->output);
     EXPECT_EQ(json["streams"][0]["nb_read_frames"], "4");
     EXPECT_EQ(json["streams"][0]["r_frame_rate"], "25/1");
-    EXPECT_EQ(nlohmann::json::parse(json["format"]["tags"]["comment"].get<std::string>())["avatar"], "rest:open");
-    const auto second = nlohmann::json::parse(readPng(out / "0002.png")->text.at("ars"));
-    EXPECT_EQ(second["environment"]["rotation_deg"], 90.0);
+    const auto film = nlohmann::json::parse(json["format"]["tags"]["comment"].get<std::string>());
+    EXPECT_EQ(film["avatar"]["source"], "rest:open");
+    const auto second = documentFromPicture(out / "0002.png");
+    ASSERT_TRUE(second.ok()) << second.error().describe();
+    EXPECT_EQ(second->light.rotationDeg, 90.0f);
+    EXPECT_EQ(second->timeline.clip, (folder / "wave.npz").string()) << "the motion comes along";
+    EXPECT_NEAR(second->timeline.timeS, 2.0 / 25.0, 1e-9);
     EXPECT_NE(readPng(out / "0001.png")->image.pixels, readPng(out / "0002.png")->image.pixels);
+}
+
+TEST(Render, AProjectBecomesPicturesOrAFilm) {
+    const TemporaryFolder folder;
+    Document document = newDocument();
+    document.avatar.rest.maxSurfels = 6000;
+    document.occlusion.settings.screenSpace.adaptive = OcclusionAdaptive::Off;
+    document.view.buffer = BufferId::Normal;
+    JointTrack track;
+    track.joint = smplxJointIndex("left_elbow");
+    track.keys = {{0.0, glm::quat(1, 0, 0, 0)}, {1.0, quatFromAxisAngle({0, -1.2f, 0})}};
+    document.timeline.joints = {track};
+    document.timeline.endS = 1.0;
+    document.timeline.framesPerSecond = 4.0;
+    const auto project = folder / "wave.ars";
+    ASSERT_TRUE(saveProject(project, document).ok());
+    const Words common{"--size", "60x80", "--device", "cpu"};
+    const auto render = [&](Words words) {
+        words.insert(words.begin(), "render");
+        words.insert(words.end(), common.begin(), common.end());
+        return runArs(words);
+    };
+    auto result = render({"--project", project.string(), "--out", (folder / "still").string(), "--aov", "depth"});
+    ASSERT_EQ(result.exitCode, 0) << result.errors;
+    EXPECT_EQ(namesIn(folder / "still"), (Words{"0000.exr", "0000.png"}));
+    const Image still = readPng(folder / "still" / "0000.png")->image;
+    EXPECT_EQ(still.width, 60);
+    EXPECT_TRUE(*documentFromPicture(folder / "still" / "0000.png") == document);
+    EXPECT_EQ(readExr(folder / "still" / "0000.exr")->channels.size(), 1u);
+
+    // --avatar takes a project, too.
+    result = render({"--avatar", project.string(), "--film", "--out", (folder / "film").string()});
+    ASSERT_EQ(result.exitCode, 0) << result.errors;
+    EXPECT_EQ(namesIn(folder / "film"), (Words{"0000.png", "0001.png", "0002.png", "0003.png", "beauty.mp4"}));
+    EXPECT_EQ(readPng(folder / "film" / "0000.png")->image.pixels, still.pixels) << "time 0 is the document's";
+    EXPECT_NE(readPng(folder / "film" / "0003.png")->image.pixels, still.pixels);
+
+    result = render({"--project", project.string(), "--film", "--range", "0.5:1", "--fps", "8", "--out",
+                     (folder / "short.mp4").string(), "--json"});
+    ASSERT_EQ(result.exitCode, 0) << result.errors;
+    EXPECT_EQ(parsed(result)["frames"], 4);
+    EXPECT_TRUE(*documentFromPicture(folder / "short.mp4") == document);
+
+    const struct {
+        Words words;
+        std::string expected;
+    } wrong[] = {
+        {{"--project", project.string(), "--pose", "rest", "--out", "x"}, "--pose"},
+        {{"--project", project.string(), "--range", "0:1", "--out", "x"}, "--film"},
+        {{"--project", project.string(), "--film", "--range", "1:0", "--out", "x"}, "--range"},
+        {{"--project", project.string(), "--film", "--out", "x.png"}, "--out"},
+        {{"--film", "--avatar", "rest:open", "--out", "x"}, "--project"},
+        {{"--out", "x"}, "--avatar"},
+    };
+    for (const auto& row : wrong) {
+        result = render(row.words);
+        EXPECT_EQ(result.exitCode, 2) << row.expected << result.errors;
+        EXPECT_NE(result.errors.find(row.expected), std::string::npos) << row.expected << " not in: " << result.errors;
+    }
+    writeText(folder / "broken.ars", "{\"format\": 1, \"avatar\": 3}");
+    expectOneError(render({"--project", (folder / "broken.ars").string(), "--out", "x"}), {"broken.ars", "avatar"});
 }
 
 TEST(Render, WithoutWindowTheProgramRendersATurntable) {

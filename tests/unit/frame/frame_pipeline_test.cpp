@@ -5,6 +5,7 @@
 #include "engine/frame/rest_avatar.h"
 
 #include "tests/support/devices.h"
+#include "tests/support/slow_evaluator.h"
 
 #include <gtest/gtest.h>
 
@@ -202,6 +203,112 @@ TEST_F(FramePipelineTest, InteractiveOcclusionRefinesWhileNothingMoves) {
     for (std::size_t p = 0; p < full.pixels.size(); ++p) ASSERT_NEAR(refined.pixels[p], full.pixels[p], 1e-4);
 }
 
+TEST_F(FramePipelineTest, ADraftPosesTheLastCanonicalSurfels) {
+    const auto slow = std::make_shared<test::SlowEvaluator>(avatar_, std::chrono::milliseconds(0));
+    pipeline_ = std::move(FramePipeline::create(slow).value());
+    const std::vector<BufferId> wanted{BufferId::Normal};
+    EXPECT_EQ(ran(wanted), (Ran{"evaluate", "pose", "splat"}));
+    EXPECT_TRUE(pipeline_->canonicalFresh());
+    const std::vector<glm::vec3> before = pipeline_->surfelMeans().value();
+    inputs_.pose.rotations[0] = quatFromAxisAngle({0, 0.5f, 0});
+    inputs_.keepCanonical = true;
+    EXPECT_EQ(ran(wanted), (Ran{"pose", "splat"}));
+    EXPECT_FALSE(pipeline_->canonicalFresh());
+    EXPECT_NEAR(pipeline_->surfelMeans().value()[50].y, before[50].y, 1e-5f) << "turned, not lifted";
+    inputs_.keepCanonical = false;
+    EXPECT_EQ(ran(wanted), (Ran{"evaluate", "pose", "splat"}));
+    EXPECT_TRUE(pipeline_->canonicalFresh());
+    EXPECT_NEAR(pipeline_->surfelMeans().value()[50].y, before[50].y + 0.005f, 1e-5f);
+    EXPECT_EQ(slow->evaluations, 2);
+    inputs_.posing.importanceFalloffM = 0.2f;
+    EXPECT_EQ(ran(wanted), (Ran{"pose", "splat"})) << "how surfels are posed is nothing to the networks";
+}
+
+TEST_F(FramePipelineTest, BothTargetsKeepTheirPictures) {
+    const std::vector<BufferId> wanted{BufferId::Beauty, BufferId::AmbientOcclusion};
+    ran(wanted);
+    const Image main = picture(BufferId::Beauty);
+    const std::uint64_t version = pipeline_->pictureVersion(BufferId::Beauty);
+    FrameInputs half = inputs_;
+    half.camera = resizedCamera(inputs_.camera, 48, 48);
+    half.radii = inputs_.radii;
+    ASSERT_TRUE(pipeline_->render(half, wanted, FrameTarget::Draft).ok());
+    EXPECT_EQ(picture(BufferId::Beauty).width, 48);
+    EXPECT_NE(pipeline_->pictureVersion(BufferId::Beauty), version);
+    for (const bool due : pipeline_->pending(inputs_, wanted)) EXPECT_FALSE(due);
+    EXPECT_EQ(ran(wanted), Ran{}) << "the main picture still stands";
+    EXPECT_EQ(pipeline_->pictureVersion(BufferId::Beauty), version);
+    EXPECT_EQ(picture(BufferId::Beauty).pixels, main.pixels);
+    // A pose that was drawn in the draft is new to the main picture, too.
+    half.pose.rotations[16] = quatFromAxisAngle({0, 0, -0.7f});
+    ASSERT_TRUE(pipeline_->render(half, wanted, FrameTarget::Draft).ok());
+    inputs_.pose = half.pose;
+    EXPECT_EQ(pipeline_->pending(inputs_, wanted), (StageFlags{false, false, true, true, true}));
+    EXPECT_EQ(ran(wanted), (Ran{"splat", "occlude", "shade"})) << "the surfels are posed already";
+    auto fresh = FramePipeline::create(avatar_);
+    (*fresh)->setLight(light_);
+    ASSERT_TRUE((*fresh)->render(inputs_, wanted).ok());
+    EXPECT_EQ((*fresh)->picture(BufferId::Beauty)->pixels, picture(BufferId::Beauty).pixels);
+}
+
+TEST_F(FramePipelineTest, WhatIsPendingIsWhatRuns) {
+    const std::vector<BufferId> wanted{BufferId::Beauty};
+    const auto check = [&](const char* what) {
+        const StageFlags pending = pipeline_->pending(inputs_, wanted);
+        ASSERT_TRUE(pipeline_->render(inputs_, wanted).ok());
+        for (std::size_t i = 0; i < pending.size(); ++i) {
+            EXPECT_EQ(pipeline_->stages()[i].ran, pending[i]) << what << ": " << frameStageName(FrameStage(i));
+        }
+    };
+    check("first");
+    check("again");
+    inputs_.placement.rotationDeg = 5;
+    check("light");
+    inputs_.radii[1] *= 1.2f;
+    check("radius");
+    inputs_.occlusion.screenSpace.quality = OcclusionQuality::Interactive;
+    check("interactive");
+    check("refined");
+    inputs_.refineOcclusion = false;
+    check("not refined");
+    EXPECT_FALSE(pipeline_->stages()[static_cast<std::size_t>(FrameStage::Occlude)].ran)
+        << "it stands as it is, although it is not complete";
+    EXPECT_FALSE(pipeline_->occlusionComplete());
+}
+
+TEST_F(FramePipelineTest, RasterisedVisibilityIsKeptForDrafts) {
+    inputs_.occlusion.method = OcclusionMethod::Rasterised;
+    inputs_.occlusion.rasterised.rows = 4;
+    EXPECT_FALSE(pipeline_->occlusionPrepared(inputs_.occlusion));
+    const std::vector<BufferId> wanted{BufferId::AmbientOcclusion};
+    ran(wanted);
+    EXPECT_TRUE(pipeline_->occlusionPrepared(inputs_.occlusion));
+    inputs_.pose.rotations[16] = quatFromAxisAngle({0, 0, -0.9f});
+    inputs_.keepVisibility = true;
+    ran(wanted);
+    EXPECT_EQ(pipeline_->occlusionPreparationMs(), 0.0);
+    EXPECT_FALSE(pipeline_->occlusionComplete());
+    const Image kept = picture(BufferId::AmbientOcclusion);
+    inputs_.keepVisibility = false;
+    EXPECT_EQ(ran(wanted), Ran{"occlude"});
+    EXPECT_TRUE(pipeline_->occlusionComplete());
+    EXPECT_NE(picture(BufferId::AmbientOcclusion).pixels, kept.pixels);
+}
+
+TEST_F(FramePipelineTest, SurfelsComeBackPosed) {
+    EXPECT_EQ(pipeline_->surfelMeans().error().code, ErrorCode::NotFound);
+    inputs_.pose.translation = {1, 2, 3};
+    ran({BufferId::Depth});
+    const Surfels surfels = pipeline_->surfels().value();
+    EXPECT_TRUE(checkSurfels(surfels).ok());
+    EXPECT_EQ(surfels.means, pipeline_->surfelMeans().value());
+    const Bounds bounds = boundsOf(surfels.means);
+    EXPECT_NEAR(bounds.center().z, 3.0f, 0.2f);
+    const std::vector<glm::mat4> joints = pipeline_->jointWorld();
+    ASSERT_EQ(joints.size(), static_cast<std::size_t>(kSmplxJointCount));
+    EXPECT_NEAR(joints[0][3].x, 1.0f, 0.05f);
+}
+
 TEST_F(FramePipelineTest, WhatCannotBeRenderedIsSaid) {
     pipeline_->setLight(nullptr);
     EXPECT_EQ(pipeline_->render(inputs_, {BufferId::Beauty}).error().code, ErrorCode::InvalidArgument);
@@ -234,6 +341,7 @@ TEST(FramePipelineDevices, CpuAndCudaShowTheSame) {
     inputs.camera = orbitCamera(boundsOf(avatar->mesh().mesh.positions), 20, 5, 30, 96, 96);
     const auto buffers = parseBuffers("all");
     std::map<BufferId, Image> first;
+    std::vector<glm::vec3> hostMeans;
     for (const Device& device : devices) {
         auto pipeline = FramePipeline::create(avatar, device);
         ASSERT_TRUE(pipeline.ok());
@@ -241,6 +349,11 @@ TEST(FramePipelineDevices, CpuAndCudaShowTheSame) {
         ASSERT_TRUE(light.ok()) << light.error().describe();
         (*pipeline)->setLight(light->filtered);
         ASSERT_TRUE((*pipeline)->render(inputs, *buffers).ok());
+        const std::vector<glm::vec3> means = (*pipeline)->surfelMeans().value();
+        if (device.kind == DeviceKind::Host) hostMeans = means;
+        ASSERT_EQ(means.size(), hostMeans.size());
+        for (std::size_t i = 0; i < means.size(); ++i) ASSERT_LT(glm::distance(means[i], hostMeans[i]), 1e-4f);
+        EXPECT_EQ((*pipeline)->surfels().value().means, means);
         for (const BufferId id : *buffers) {
             Image image = (*pipeline)->picture(id).value();
             if (device.kind == DeviceKind::Host) {

@@ -5,6 +5,7 @@
 #include "engine/frame/surface_samples.h"
 #include "engine/frame/template_materials.h"
 #include "engine/io/png.h"
+#include "engine/rig/closest_surface.h"
 #include "engine/surfel/pose_surfels.h"
 #include "tests/support/test_data.h"
 
@@ -450,6 +451,134 @@ TEST(RestAvatar, TheClothedTemplateHasItsColours) {
     for (const float roughness : (*avatar)->surfels().roughnesses) {
         EXPECT_TRUE(std::any_of(known.begin(), known.end(), [&](float k) { return std::abs(roughness - k) < 1e-6f; }));
     }
+}
+
+// ---- bodies: shape and expression, against the body model itself
+
+class RestBody : public ::testing::Test {
+protected:
+    static const std::shared_ptr<const BodyModel>& body() {
+        static const auto read = std::make_shared<const BodyModel>(*readOpenBody());
+        return read;
+    }
+    static std::unique_ptr<RestAvatar> avatar(const std::vector<float>& betas, RestAvatarOptions options) {
+        auto made = RestAvatar::create(body(), betas, options);
+        EXPECT_TRUE(made.ok()) << made.error().describe();
+        return made.ok() ? std::move(made).value() : nullptr;
+    }
+    /// Largest distance of a point from the body that posedVertices gives.
+    static float distanceToBody(const std::vector<glm::vec3>& points, const BodyShape& shape) {
+        const auto surface =
+            ClosestSurface::build(posedVertices(*body(), shape, restPose(kSmplxJointCount)), body()->triangles);
+        float largest = 0.0f;
+        for (const glm::vec3& point : points) {
+            SurfacePoint closest;
+            largest = std::max(largest, surface->find(point, 0.1f, closest) ? closest.distanceM : 1.0f);
+        }
+        return largest;
+    }
+};
+
+TEST_F(RestBody, ShapedSurfelsLieOnTheShapedBodyAndSoDoItsJoints) {
+    const std::vector<float> betas{2.0f, -1.5f, 1.0f};
+    const auto plain = avatar({}, onTheSurface(3000)), shaped = avatar(betas, onTheSurface(3000));
+    ASSERT_TRUE(plain && shaped);
+    EXPECT_LT(distanceToBody(plain->surfels().means, {}), 1e-5f);
+    EXPECT_LT(distanceToBody(shaped->surfels().means, {betas, {}}), 1e-5f);
+    EXPECT_GT(distanceToBody(plain->surfels().means, {betas, {}}), 0.01f) << "the shape shows";
+    EXPECT_EQ(shaped->rig().skeleton.restPositions, bodySkeleton(*body(), {betas, {}}).restPositions);
+    EXPECT_EQ(shaped->surfels().count(), plain->surfels().count()) << "the same points of the skin";
+    const auto again = plain->withShape(betas);
+    ASSERT_TRUE(again.ok());
+    EXPECT_EQ((*again)->surfels().means, shaped->surfels().means);
+    EXPECT_EQ((*again)->surfels().scales, shaped->surfels().scales);
+}
+
+TEST_F(RestBody, AnExpressionMovesExactlyTheFace) {
+    const auto made = avatar({}, onTheSurface(12000));
+    ASSERT_TRUE(made);
+    EXPECT_TRUE(made->dependsOnPose());
+    ASSERT_EQ(made->expressionNames().size(), 10u);
+    // The throat follows the jaw; nothing below it does.
+    const float throatM = made->mesh().joints[static_cast<std::size_t>(smplxJointIndex("neck"))].y - 0.08f;
+    for (const std::vector<float>& expression :
+         {std::vector<float>{1.0f}, std::vector<float>{0.0f, 0.8f, 0, 0, 0.5f}}) {
+        Pose pose = restPose(kSmplxJointCount);
+        pose.expression = expression;
+        Surfels surfels;
+        ASSERT_TRUE(made->evaluate(pose, nullptr, surfels).ok());
+        ASSERT_TRUE(checkSurfels(surfels).ok());
+        EXPECT_LT(distanceToBody(surfels.means, {{}, expression}), 1e-5f);
+        float largest = 0.0f;
+        for (std::size_t i = 0; i < surfels.count(); ++i) {
+            const float moved = glm::distance(surfels.means[i], made->surfels().means[i]);
+            largest = std::max(largest, moved);
+            const auto& moving = made->movingSurfels();
+            if (std::binary_search(moving.begin(), moving.end(), static_cast<std::uint32_t>(i))) {
+                EXPECT_GT(made->surfels().means[i].y, throatM) << "surfel " << i;
+            } else {
+                EXPECT_EQ(surfels.means[i], made->surfels().means[i]);
+                EXPECT_EQ(frameOf(surfels, i), frameOf(made->surfels(), i));
+            }
+        }
+        EXPECT_GT(largest, 0.005f);
+    }
+}
+
+TEST_F(RestBody, NoExpressionGivesTheSurfelsThemselves) {
+    const auto made = avatar({1.0f}, onTheSurface(2000));
+    ASSERT_TRUE(made);
+    Pose none = restPose(kSmplxJointCount), zero = none, bent = none, smiling = none;
+    zero.expression.assign(10, 0.0f);
+    bent.rotations[18] = quatFromAxisAngle({0.0f, 1.0f, 0.0f});
+    smiling.expression = {0.0f, 1.0f};
+    for (const Pose& pose : {none, zero, bent}) {
+        Surfels surfels;
+        ASSERT_TRUE(made->evaluate(pose, nullptr, surfels).ok());
+        EXPECT_EQ(surfels.means, made->surfels().means);
+        EXPECT_TRUE(made->sameSurfels(none, pose));
+    }
+    EXPECT_FALSE(made->sameSurfels(none, smiling));
+    const auto mesh = created(sphereTemplate(), onTheSurface(500));
+    EXPECT_FALSE(mesh->dependsOnPose());
+    EXPECT_TRUE(mesh->sameSurfels(none, smiling));
+    EXPECT_TRUE(mesh->shapeNames().empty());
+}
+
+TEST_F(RestBody, InsetAndTurnFollowTheExpressionOnBothSides) {
+    RestAvatarOptions options;
+    options.maxSurfels = 8000;
+    options.twoSided = true;
+    const auto made = avatar({}, options);
+    ASSERT_TRUE(made);
+    Pose pose = restPose(kSmplxJointCount);
+    pose.expression = {1.0f};
+    Surfels surfels;
+    ASSERT_TRUE(made->evaluate(pose, nullptr, surfels).ok());
+    const std::size_t half = surfels.count() / 2;
+    for (const std::uint32_t i : made->movingSurfels()) {
+        EXPECT_EQ(surfels.means[i], surfels.means[half + i]);
+        EXPECT_LT(glm::dot(frameOf(surfels, i)[2], frameOf(surfels, half + i)[2]), -0.999f);
+    }
+    EXPECT_LT(distanceToBody(surfels.means, {{}, pose.expression}), options.insetM + 1e-4f);
+}
+
+TEST_F(RestBody, CoefficientsThatAreNoneAreRefused) {
+    const float nan = std::numeric_limits<float>::quiet_NaN();
+    for (const float bad : {nan, 2.0f * kMaxShapeCoefficient}) {
+        const auto shaped = RestAvatar::create(body(), {0.0f, bad}, onTheSurface(500));
+        ASSERT_FALSE(shaped.ok());
+        EXPECT_NE(shaped.error().describe().find("shape coefficient 1"), std::string::npos);
+    }
+    const auto made = avatar({}, onTheSurface(500));
+    Pose pose = restPose(kSmplxJointCount);
+    pose.expression = {nan};
+    Surfels surfels;
+    EXPECT_EQ(made->evaluate(pose, nullptr, surfels).error().code, ErrorCode::InvalidArgument);
+    const auto mesh = created(sphereTemplate(), onTheSurface(500));
+    EXPECT_EQ(mesh->withShape({1.0f}).error().code, ErrorCode::Unsupported);
+    EXPECT_EQ(avatar({0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 5.0f}, onTheSurface(500))->surfels().means, made->surfels().means)
+        << "coefficients that the body does not have are ignored";
 }
 
 } // namespace

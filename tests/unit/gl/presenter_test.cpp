@@ -201,6 +201,90 @@ TEST_F(PresenterTest, SkeletonsBecomeBonesAndDots) {
     EXPECT_GT(lines[1].widthPixels, lines[3].widthPixels) << "short bones are thinner";
 }
 
+TEST_F(PresenterTest, OnlyWhatIsCoveredIsDrawnAndNothingOfItIsCut) {
+    // Specks anywhere, enlarged and reduced: the box around them must hold their interpolated rims.
+    for (const int side : {kSide, 3 * kSide, kSide / 2}) {
+        auto target = RenderTarget::create(side, side);
+        ASSERT_TRUE(target.ok());
+        for (const int at : {0, 1, 17, kSide / 2, kSide - 1}) {
+            Image picture, opacity;
+            makePicture(BufferId::Albedo, picture, opacity);
+            picture.pixels.assign(picture.pixels.size(), 1.0f);
+            opacity.pixels.assign(opacity.pixels.size(), 0.0f);
+            opacity.at(at, kSide - 1 - at, 0) = 1.0f;
+            ASSERT_TRUE(presenter_->setPicture(viewOf(picture), viewOf(opacity), {}).ok());
+            target->bind();
+            const PresentSettings settings = defaultPresentSettings(BufferId::Albedo);
+            ASSERT_TRUE(presenter_->draw(settings, camera_, {}, 0, 0, side, side).ok());
+            const std::vector<std::uint8_t> boxed = target->read();
+            // Opacity that is nowhere quite 0 makes the box the whole picture.
+            for (float& value : opacity.pixels) value = std::max(value, 1e-7f);
+            ASSERT_TRUE(presenter_->setPicture(viewOf(picture), viewOf(opacity), {}).ok());
+            target->bind();
+            ASSERT_TRUE(presenter_->draw(settings, camera_, {}, 0, 0, side, side).ok());
+            EXPECT_EQ(boxed, target->read()) << "speck in row " << at << " shown " << side << " pixels wide";
+        }
+    }
+}
+
+TEST_F(PresenterTest, DotsOfAMaskDoNotAddUpAndHideBehindTheAvatar) {
+    Image picture, opacity, depth;
+    makePicture(BufferId::Beauty, picture, opacity);
+    depth = opacity;
+    depth.pixels.assign(depth.pixels.size(), 0.0f);
+    for (int row = 0; row < kSide; ++row) {
+        for (int column = 0; column < kSide / 2; ++column) depth.at(row, column, 0) = 2.0f;
+    }
+    ShownPicture shown;
+    ASSERT_TRUE(shown.set(viewOf(picture), viewOf(opacity), viewOf(depth)).ok());
+    const OverlayLine left{{-0.4f, 1, 0}, {-0.4f, 1, 0}, {1, 1, 1, 1}, 6.0f};
+    const OverlayLine right{{0.4f, 1, 0}, {0.4f, 1, 0}, {0.5f, 0.5f, 0.5f, 1}, 6.0f};
+    const std::vector<OverlayLine> dots{left, right, right, right};
+    auto mask = RenderTarget::create(kSide, kSide);
+    ASSERT_TRUE(mask.ok());
+    mask->bind();
+    presenter_->drawMask(shown, camera_, dots, 0.03f, kSide, kSide);
+    const std::vector<std::uint8_t> pixels = mask->read();
+    const auto red = [&](double x) {
+        const glm::dvec2 at = camera_.project(camera_.toCamera({x, 1.0, 0.0}));
+        return int(pixels[static_cast<std::size_t>(4 * (static_cast<int>(at.y) * kSide + static_cast<int>(at.x)))]);
+    };
+    EXPECT_EQ(red(-0.4), 0) << "a metre behind the avatar";
+    EXPECT_NEAR(red(0.4), 128, 2) << "three times in the same place";
+
+    // The mask's colour over black: half of a quarter of white.
+    target_->bind();
+    glClearColor(0, 0, 0, 1);
+    glClear(GL_COLOR_BUFFER_BIT);
+    ASSERT_TRUE(presenter_->tintMask({}, *mask, {1, 1, 1, 0.5f}, 0, 0, kSide, kSide).ok());
+    const std::vector<std::uint8_t> tinted = target_->read();
+    const glm::dvec2 at = camera_.project(camera_.toCamera({0.4, 1.0, 0.0}));
+    EXPECT_NEAR(int(tinted[static_cast<std::size_t>(4 * (static_cast<int>(at.y) * kSide + static_cast<int>(at.x)))]),
+                64, 2)
+        << "in the same place and not upside down";
+}
+
+TEST_F(PresenterTest, DifferencesOfTwoTargetsAreMeansOverChannels) {
+    auto a = RenderTarget::create(kSide, kSide), b = RenderTarget::create(kSide, kSide);
+    ASSERT_TRUE(a.ok() && b.ok());
+    const struct {
+        const RenderTarget* target;
+        float red, green, blue;
+    } fills[] = {{&*a, 0.8f, 0.2f, 0.4f}, {&*b, 0.6f, 0.2f, 0.0f}};
+    for (const auto& fill : fills) {
+        fill.target->bind();
+        glClearColor(fill.red, fill.green, fill.blue, 1);
+        glClear(GL_COLOR_BUFFER_BIT);
+    }
+    const double absolute = (0.2 + 0.0 + 0.4) / 3, squared = (0.04 + 0.0 + 0.16) / 3;
+    for (const bool square : {false, true}) {
+        target_->bind();
+        ASSERT_TRUE(presenter_->drawDifference(*a, *b, square, 0.5f, ColorMap::Gray, 0, 0, kSide, kSide).ok());
+        const glm::vec3 expected = mapColor(ColorMap::Gray, static_cast<float>((square ? squared : absolute) / 0.5));
+        EXPECT_NEAR(int(target_->read()[0]), 255 * expected.r, 2.5) << (square ? "squared" : "absolute");
+    }
+}
+
 TEST_F(PresenterTest, WhatDoesNotFitIsRefused) {
     EXPECT_FALSE(presenter_->draw({}, camera_, {}, 0, 0, 8, 8).ok()) << "no picture yet";
     Image picture, opacity;

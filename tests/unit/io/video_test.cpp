@@ -18,7 +18,7 @@ std::vector<std::uint8_t> plainFrame(int width, int height, std::array<std::uint
 }
 
 Status writePlain(const std::filesystem::path& path, int width, int height, int frames) {
-    VideoOptions options;
+    VideoFormat options;
     options.width = width;
     options.height = height;
     options.framesPerSecond = 30;
@@ -65,7 +65,7 @@ TEST(Video, ColoursSurviveTheCodec) {
 TEST(Video, AnInterruptedFilmLeavesNothing) {
     const test::TemporaryFolder folder;
     {
-        VideoOptions options;
+        VideoFormat options;
         options.width = options.height = 32;
         auto writer = VideoWriter::open(folder / "film.mp4", options);
         ASSERT_TRUE(writer.ok());
@@ -76,7 +76,7 @@ TEST(Video, AnInterruptedFilmLeavesNothing) {
 
 TEST(Video, WrongSizesAreRefused) {
     const test::TemporaryFolder folder;
-    VideoOptions options;
+    VideoFormat options;
     EXPECT_EQ(VideoWriter::open(folder / "film.mp4", options).error().code, ErrorCode::InvalidArgument);
     options.width = options.height = 32;
     options.framesPerSecond = NAN;

@@ -161,6 +161,39 @@ TEST(OcclusionRefinement, BecomesTheFullQuality) {
     }
 }
 
+TEST(OcclusionRefinement, SlicesOfAnySizeEndInTheSamePicture) {
+    const OcclusionScene scene = test::capsuleBody(64);
+    const OcclusionParams params = bodyOcclusion();
+    const std::vector<float> full = occlusionOf(params, scene, {});
+    for (const auto& [bands, directions] : {std::pair{5, 256}, {64, 1024}, {1000, 1024}, {1, 512}}) {
+        OcclusionWorkspace workspace;
+        OcclusionRefinement refinement;
+        refinement.setSlices(bands, directions);
+        std::vector<float> out(scene.pixels());
+        const ImageView<float> view{out.data(), scene.camera.width, scene.camera.height, 1};
+        int calls = 0;
+        float share = 0.0f;
+        while (!refinement.complete()) {
+            ASSERT_TRUE(refinement.refine(params, scene.inputs(), 1, workspace, view).ok());
+            EXPECT_GT(refinement.share(), share) << "every call is a step ahead";
+            share = refinement.share();
+            ASSERT_LT(++calls, 5000);
+        }
+        EXPECT_EQ(share, 1.0f);
+        const int perPass = std::min(bands, scene.camera.height);
+        EXPECT_GE(calls, (refinement.passes() - 1) * perPass / 2);
+        EXPECT_LE(calls, 1 + (refinement.passes() - 1) * perPass);
+        for (std::size_t p = 0; p < out.size(); ++p) ASSERT_NEAR(out[p], full[p], 1e-5f);
+        // Fewer bands from the middle of a pass on.
+        refinement.reset();
+        refinement.setSlices(7, directions);
+        for (int i = 0; i < 4; ++i) ASSERT_TRUE(refinement.refine(params, scene.inputs(), 1, workspace, view).ok());
+        refinement.setSlices(2, directions);
+        while (!refinement.complete()) ASSERT_TRUE(refinement.refine(params, scene.inputs(), 1, workspace, view).ok());
+        for (std::size_t p = 0; p < out.size(); ++p) ASSERT_NEAR(out[p], full[p], 1e-5f);
+    }
+}
+
 TEST(OcclusionRefinement, StartsAgainWhenSomethingChanges) {
     OcclusionScene scene = test::capsuleBody(32);
     OcclusionParams params = bodyOcclusion();

@@ -65,8 +65,9 @@ protected:
         ASSERT_TRUE(context.ok()) << context.error().describe();
         context_ = std::move(*context);
         std::printf("OpenGL: %s, %s\n", context_->info().renderer.c_str(), context_->info().platform.c_str());
-        ImGui::CreateContext();
-        ImPlot::CreateContext();
+        // Studios of other tests may live on: a new context is not the current one by itself then.
+        ImGui::SetCurrentContext(ImGui::CreateContext());
+        ImPlot::SetCurrentContext(ImPlot::CreateContext());
         ImCmd::CreateContext();
         ImGuiIO& io = ImGui::GetIO();
         io.IniFilename = nullptr;

@@ -1,0 +1,74 @@
+"""Keys a pose and another, plays between them, exports a film, and finds the edits again after a kill -9."""
+import json
+import pathlib
+import subprocess
+import sys
+import time
+
+from driver import Studio
+
+
+def main(pictures):
+    studio = Studio(keep=True)
+    studio.__enter__()
+    try:
+        # A key at the beginning, another pose with a key at 2 s.
+        studio.key("i")
+        studio.type_into("//Timeline/###Time", "2")
+        x, y = studio.joint("right_wrist")
+        studio.drag((x - 4, y + 14), (x - 60, y - 130))
+        studio.settle()
+        studio.key("i")
+        document = studio.document()
+        tracks = document["timeline"]["joints"]
+        assert tracks and max(len(t["keys"]) for t in tracks) >= 2, "no two keys"
+        raised = studio.picture()
+
+        # Playing moves the arm by itself.
+        studio.type_into("//Timeline/###Time", "0")
+        studio.settle()
+        rest = studio.picture()
+        assert rest.difference(raised) > 0.01
+        studio.move(*studio.middle(studio.viewport()))
+        studio.key("space")
+        seen = set()
+        for _ in range(12):
+            seen.add(round(studio.joint("right_wrist")[1]))
+            time.sleep(0.15)
+        studio.key("space")
+        assert len(seen) > 3, f"the arm stood still: {seen}"
+        studio.settle()
+        assert studio.document()["timeline"]["time"] > 0.0, "pausing forgot the time"
+        if pictures:
+            studio.screenshot(pictures / "studio-motion.png")
+
+        # A film of the range.
+        film = studio.folder / "film.mp4"
+        studio.key("ctrl+F12")
+        studio.type_path(film)
+        studio.wait(lambda a: film.exists() and a["settled"], 240, "the film")
+        info = subprocess.run(["ffprobe", "-v", "error", "-count_packets", "-select_streams", "v", "-show_entries",
+                               "stream=nb_read_packets,width", "-of", "json", str(film)], check=True, capture_output=True)
+        stream = json.loads(info.stdout)["streams"][0]
+        timeline = studio.document()["timeline"]
+        expected = round((timeline["end"] - timeline["start"]) * timeline["frames_per_second"])
+        assert abs(int(stream["nb_read_packets"]) - expected) <= 1, stream
+
+        # The program is killed; the next one finds the edits.
+        edited = studio.document()
+        time.sleep(11)
+        studio.process.kill()
+        studio.process.wait()
+    except BaseException:
+        studio.__exit__(*sys.exc_info())
+        raise
+    with Studio(folder=studio.folder) as again:
+        again.click("//###Recovery/Restore")
+        again.wait(lambda a: a["settled"], 60, "the recovered session")
+        document = again.document()
+        for section in ("pose", "timeline", "camera", "light", "occlusion"):
+            assert document[section] == edited[section], f"{section} was lost"
+
+
+if __name__ == "__main__":
+    main(pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else None)

@@ -1,0 +1,15 @@
+#include "ui/studio_state.h"
+
+namespace ars::ui {
+
+std::vector<std::unique_ptr<Panel>> makePanels() {
+    std::vector<std::unique_ptr<Panel>> panels;
+    for (const auto& make : {makeViewportPanel, makePosePanel, makeLightPanel, makeOcclusionPanel, makeCameraPanel,
+                             makeBuffersPanel, makeComparePanel, makeTimelinePanel, makeOutputPanel, makeHistoryPanel,
+                             makePerformancePanel, makeJobsPanel}) {
+        panels.push_back(make());
+    }
+    return panels;
+}
+
+} // namespace ars::ui
