@@ -114,7 +114,7 @@ void applyColors(const Palette& p, ImGuiStyle& style) {
          ImGuiCol_PlotHistogram, ImGuiCol_TextLink, ImGuiCol_DragDropTarget, ImGuiCol_UnsavedMarker,
          ImGuiCol_NavCursor},
         p.accent);
-    set({ImGuiCol_SliderGrab}, faded(p.accent, 0.75f));
+    set({ImGuiCol_SliderGrab}, faded(p.accent, 0.55f)); // the number below stays readable
     set({ImGuiCol_CheckboxSelectedBg}, p.frame);
     set({ImGuiCol_SeparatorHovered, ImGuiCol_PlotLinesHovered, ImGuiCol_PlotHistogramHovered}, faded(p.accent, 0.6f));
     set({ImGuiCol_TextSelectedBg, ImGuiCol_DockingPreview}, faded(p.accent, 0.35f));
@@ -165,7 +165,7 @@ void applyTheme(Theme theme, float scale) {
     style.CellPadding = {6, 3};
     style.IndentSpacing = 16;
     style.ScrollbarSize = 12;
-    style.GrabMinSize = 9;
+    style.GrabMinSize = 5;
     style.WindowBorderSize = 0;
     style.ChildBorderSize = 0;
     style.PopupBorderSize = 1;

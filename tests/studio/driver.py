@@ -262,8 +262,8 @@ class Studio:
     def show(self, panel):
         """Brings a panel to the front by its tab."""
         if panel not in self.ask()["windows"]:
-            self.palette(panel + " panel")
-        assert panel in self.ask()["windows"], f"the panel {panel} did not open"
+            self.palette("Show " + panel)
+        self.wait(lambda a: panel in a["windows"], 5, f"the panel {panel}")
 
     def palette(self, text):
         """Finds a command by its words and runs it."""

@@ -28,7 +28,7 @@ def main(pictures):
         # By dialog.
         studio.key("ctrl+o")
         studio.type_path(folder / "rim.exr")
-        studio.wait(lambda a: a["settled"], 30, "the light of the dialog")
+        studio.wait(lambda a: a["history"] == 2 and a["settled"], 30, "the light of the dialog")
         assert studio.document()["light"]["file"].endswith("rim.exr")
         rim = studio.picture()
         assert evening.difference(rim) > 0.03

@@ -15,8 +15,9 @@ def main(pictures):
         # A key at the beginning, another pose with a key at 2 s.
         studio.key("i")
         studio.type_into("//Timeline/###Time", "2")
-        x, y = studio.joint("right_wrist")
-        studio.drag((x - 4, y + 14), (x - 60, y - 130))
+        elbow, wrist = studio.joint("right_elbow"), studio.joint("right_wrist")
+        x, y = (elbow[0] + wrist[0]) / 2, (elbow[1] + wrist[1]) / 2  # by the forearm
+        studio.drag((x, y), (x - 60, y - 130))
         studio.settle()
         studio.key("i")
         document = studio.document()
@@ -51,7 +52,7 @@ def main(pictures):
                                "stream=nb_read_packets,width", "-of", "json", str(film)], check=True, capture_output=True)
         stream = json.loads(info.stdout)["streams"][0]
         timeline = studio.document()["timeline"]
-        expected = round((timeline["end"] - timeline["start"]) * timeline["frames_per_second"])
+        expected = round((timeline["end"] - timeline["start"]) * timeline["rate"])
         assert abs(int(stream["nb_read_packets"]) - expected) <= 1, stream
 
         # The program is killed; the next one finds the edits.
