@@ -107,7 +107,7 @@ struct TimelineSection {
     bool loop = true;
     bool autoKey = false;           ///< edits become keys at the current time
     std::vector<JointTrack> joints; ///< sorted by joint
-    Track<glm::vec3> root;          ///< Pose::translation (replaces the clip's)
+    Track<glm::vec3> root;          ///< Pose::translation; with a clip an offset added to the clip's
     Track<std::vector<float>> expression;
     Track<SceneCamera> camera;
     Track<float> lightRotationDeg;
