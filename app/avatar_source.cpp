@@ -1,13 +1,43 @@
 #include "app/avatar_source.h"
 
+#include "app/model_loader.h"
 #include "app/text.h"
 
 #include <fmt/format.h>
 
+#include <filesystem>
+#include <system_error>
+
 namespace ars::app {
 
 namespace {
+
 constexpr std::string_view kSettingPrefix = "rest.";
+
+Result<LoadedAvatar> loadTrained(const std::string& source, const ProgressFunction& progress) {
+    ARS_TRY_STATUS(reportProgress(progress, 0.0, "reading the networks"));
+    LoadedAvatar loaded;
+    ARS_TRY(loaded.trained, openTrainedAvatar(source));
+    loaded.avatar = loaded.trained->evaluator;
+    loaded.notes = loaded.avatar->mesh().notes;
+    return loaded;
+}
+
+} // namespace
+
+void offerTrainedAvatars() {
+    setTrainedAvatarOpener([](const std::filesystem::path& folder, bool project) -> Result<OpenedTrainedAvatar> {
+        ARS_TRY(ModelPlugin * model, loadModel());
+        ARS_TRY(OpenedAvatar opened, model->openAvatar(folder, project));
+        OpenedTrainedAvatar result;
+        result.evaluator = std::move(opened.evaluator);
+        result.radii = opened.radii;
+        result.light = std::move(opened.light);
+        result.splat = opened.splat;
+        result.preset = std::move(opened.preset);
+        result.origin = std::move(opened.origin);
+        return result;
+    });
 }
 
 bool isAvatarSetting(const std::string& setting) { return setting.starts_with(kSettingPrefix); }
@@ -21,10 +51,15 @@ std::string describeAvatarSettings() {
 Result<LoadedAvatar> loadAvatar(const std::string& source, int surfels, const std::vector<std::string>& settings,
                                 const ProgressFunction& progress) {
     constexpr std::string_view prefix = "rest:";
+    std::error_code ignored;
+    if (!source.starts_with(prefix) && std::filesystem::is_directory(source, ignored)) {
+        return loadTrained(source, progress);
+    }
     if (!source.starts_with(prefix)) {
         return makeError(
             ErrorCode::InvalidArgument, "--avatar",
-            fmt::format("expected rest:TEMPLATE (a skinned glb, a mesh or a body) or rest:open, found \"{}\"",
+            fmt::format("expected rest:TEMPLATE (a skinned glb, a mesh or a body), rest:open or the folder "
+                        "of a trained avatar or run, found \"{}\"",
                         printable(source)));
     }
     RestAvatarOptions options;

@@ -5,6 +5,7 @@
 #include "app/export.h"
 #include "app/import.h"
 #include "app/info.h"
+#include "app/learning_commands.h"
 #include "app/light.h"
 #include "app/render.h"
 #include "app/stage.h"
@@ -35,6 +36,8 @@ struct Arguments {
     StageOptions stage;
     LightOptions light;
     StudioOptions studio;
+    TrainOptions train;
+    EvalOptions eval;
     OutputOptions output;
     bool measure = false;
     std::string logLevel;
@@ -429,7 +432,7 @@ int runParsed(const CLI::App& app, Arguments& arguments) {
     }
     arguments.info.output = arguments.exported.output = arguments.imported.output = arguments.output;
     arguments.render.output = arguments.stage.output = arguments.light.output = arguments.output;
-    arguments.studio.output = arguments.output;
+    arguments.studio.output = arguments.train.output = arguments.eval.output = arguments.output;
     if (app.got_subcommand("info") && arguments.info.files.empty())
         return runSystemInfo(arguments.measure, arguments.output);
     if (app.got_subcommand("info")) return runInfo(arguments.info);
@@ -437,6 +440,8 @@ int runParsed(const CLI::App& app, Arguments& arguments) {
     if (app.got_subcommand("import")) return runImport(arguments.imported);
     if (app.got_subcommand("render")) return runRender(arguments.render);
     if (app.got_subcommand("light")) return runLight(arguments.light);
+    if (app.got_subcommand("train")) return runTrain(arguments.train);
+    if (app.got_subcommand("eval")) return runEval(arguments.eval);
     if (app.got_subcommand("stage")) return runStage(*app.get_subcommand("stage"), arguments.stage);
     if (app.got_subcommand("studio") || displayIsThere()) return runStudio(arguments.studio);
     return runTurntable(arguments.output);
@@ -458,6 +463,8 @@ int runCommandLine(const std::vector<std::string>& words) {
     addStage(app, arguments);
     addLight(app, arguments);
     addStudio(app, arguments);
+    addOutputOptions(addTrain(app, arguments.train), arguments);
+    addOutputOptions(addEval(app, arguments.eval), arguments);
 
     const std::vector<std::string> names = commandNames(app);
     const std::vector<std::string> given = withProjects(withStudio(words, names));

@@ -1,17 +1,14 @@
 #include "app/inspect.h"
 #include "app/text.h"
 #include "engine/capture/calibration.h"
+#include "engine/capture/capture.h"
+#include "engine/capture/layout.h"
 #include "engine/core/file.h"
 #include "engine/core/parallel.h"
-#include "engine/io/jpeg.h"
-#include "engine/rig/motion.h"
 #include "engine/rig/retarget.h"
 
 #include <algorithm>
-#include <atomic>
 #include <map>
-#include <mutex>
-#include <set>
 
 namespace ars::app {
 namespace fs = std::filesystem;
@@ -89,99 +86,41 @@ void inspectJointMap(FileReport& report) {
     report.add("joints", fmt::format("{} of {}", mapped, kSmplxJointCount), mapped);
 }
 
-/// What a capture folder lacks and holds.
-struct CaptureFiles {
-    std::vector<std::pair<fs::path, fs::path>> pictures; ///< picture and mask
-    std::set<std::string> frames;
-    std::vector<std::string> absent; ///< not there and not listed as missing
-    std::size_t listedMissing = 0;
-    std::size_t maskless = 0;
-};
-
-/// "24110001/00000003.jpg" for each line of missing_img_files.txt, whatever stands before and however slashes lean.
-Result<std::set<std::string>> readMissingList(const fs::path& path, const ReadLimits& limits) {
-    std::set<std::string> names;
-    std::error_code failure;
-    if (!fs::exists(path, failure)) return names;
+/// The lines of a missing_img_files.txt that is looked at alone.
+Result<std::size_t> countMissingList(const fs::path& path, const ReadLimits& limits) {
     ARS_TRY(const std::string text, readTextFile(path, limits));
-    std::size_t begin = 0;
-    while (begin < text.size()) {
-        const std::size_t end = std::min(text.find('\n', begin), text.size());
-        std::string line = text.substr(begin, end - begin);
-        begin = end + 1;
-        std::replace(line.begin(), line.end(), '\\', '/');
-        while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.pop_back();
-        if (line.empty()) continue;
-        const fs::path listed(line);
-        names.insert((listed.parent_path().filename() / listed.filename()).string());
-    }
-    return names;
-}
-
-std::set<std::string> pictureNames(const fs::path& folder) {
-    std::set<std::string> names;
-    std::error_code failure;
-    for (fs::directory_iterator i(folder, failure), end; !failure && i != end; i.increment(failure)) {
-        const fs::path& path = i->path();
-        if (path.extension() == ".jpg" || path.extension() == ".png") names.insert(path.filename().string());
-    }
-    return names;
-}
-
-Result<CaptureFiles> listCapture(const fs::path& folder, const std::vector<CalibratedCamera>& cameras,
-                                 const ReadLimits& limits) {
-    CaptureFiles files;
-    ARS_TRY(const std::set<std::string> missing, readMissingList(folder / "missing_img_files.txt", limits));
-    files.listedMissing = missing.size();
-    std::vector<std::set<std::string>> perCamera;
-    for (const CalibratedCamera& camera : cameras) {
-        perCamera.push_back(pictureNames(folder / camera.name));
-        files.frames.insert(perCamera.back().begin(), perCamera.back().end());
-    }
-    for (std::size_t c = 0; c < cameras.size(); ++c) {
-        for (const std::string& name : files.frames) {
-            const fs::path relative = fs::path(cameras[c].name) / name;
-            if (perCamera[c].contains(name)) {
-                const fs::path mask = folder / cameras[c].name / "mask" / "pha" / name;
-                std::error_code failure;
-                const bool masked = fs::exists(mask, failure);
-                files.maskless += masked ? 0 : 1;
-                files.pictures.emplace_back(folder / relative, masked ? mask : fs::path());
-            } else if (!missing.contains(relative.string())) {
-                files.absent.push_back(relative.string());
-            }
+    std::size_t count = 0;
+    bool blank = true;
+    for (const char c : text + '\n') {
+        if (c == '\n') {
+            count += blank ? 0 : 1;
+            blank = true;
+        } else {
+            blank = blank && (c == ' ' || c == '\t' || c == '\r');
         }
     }
-    return files;
+    return count;
 }
 
-/// Decodes one picture and compares its size with the calibration's.
-Status checkPicture(const fs::path& path, int width, int height, const ReadLimits& limits) {
-    ARS_TRY(const JpegFile file, readJpeg(path, {.applyOrientation = false}, limits));
-    if (file.image.width == width && file.image.height == height) return {};
-    return makeError(ErrorCode::BadFile, path.string(),
-                     fmt::format("has {} x {} pixels, the calibration says {} x {}", file.image.width,
-                                 file.image.height, width, height));
-}
-
-/// Decodes every picture and mask; the first failure in the order of files is the answer.
-Status checkPictures(const CaptureFiles& files, const std::map<std::string, CalibratedCamera>& cameras,
-                     const InspectOptions& options) {
+/// Reads every view as a training would; the first failure in the order of cameras and frames is the answer.
+Status readEveryView(const Capture& capture, const InspectOptions& options) {
+    std::vector<ViewId> views;
+    for (int camera = 0; camera < static_cast<int>(capture.cameras.size()); ++camera) {
+        for (int frame = 0; frame < static_cast<int>(capture.frames.size()); ++frame) {
+            if (capture.has({camera, frame})) views.push_back({camera, frame});
+        }
+    }
     constexpr std::size_t kBatch = 32;
-    for (std::size_t begin = 0; begin < files.pictures.size(); begin += kBatch) {
-        ARS_TRY_STATUS(reportProgress(options.progress,
-                                      static_cast<double>(begin) / static_cast<double>(files.pictures.size()),
+    for (std::size_t begin = 0; begin < views.size(); begin += kBatch) {
+        ARS_TRY_STATUS(reportProgress(options.progress, static_cast<double>(begin) / static_cast<double>(views.size()),
                                       "decoding pictures"));
-        const std::size_t count = std::min(kBatch, files.pictures.size() - begin);
+        const std::size_t count = std::min(kBatch, views.size() - begin);
         std::vector<Status> results(count);
         parallelFor(
             count,
             [&](std::size_t i) {
-                const auto& [picture, mask] = files.pictures[begin + i];
-                const Camera& camera = cameras.at(picture.parent_path().filename().string()).camera;
-                results[i] = checkPicture(picture, camera.width, camera.height, options.limits);
-                if (results[i] && !mask.empty())
-                    results[i] = checkPicture(mask, camera.width, camera.height, options.limits);
+                const auto view = readView(capture, views[begin + i], {}, options.limits);
+                if (!view) results[i] = view.error();
             },
             1);
         for (Status& result : results) ARS_TRY_STATUS(std::move(result));
@@ -189,58 +128,69 @@ Status checkPictures(const CaptureFiles& files, const std::map<std::string, Cali
     return {};
 }
 
-void addCaptureFrames(FileReport& report, const CaptureFiles& files, std::size_t cameras) {
-    report.add("frames", grouped(files.frames.size()), files.frames.size());
-    report.add("pictures",
-               fmt::format("{} of {}", grouped(files.pictures.size()), grouped(files.frames.size() * cameras)),
-               files.pictures.size());
-    report.add("masks",
-               files.maskless ? fmt::format("{} pictures have none", grouped(files.maskless)) : "one for every picture",
-               files.pictures.size() - files.maskless);
-    report.add("listed_missing", files.listedMissing ? grouped(files.listedMissing) : "", files.listedMissing);
+void addCaptureFrames(FileReport& report, const Capture& capture) {
+    const std::size_t whole = capture.frames.size() * capture.cameras.size();
+    const std::size_t pictures = whole - capture.missing.size();
+    std::string frames = grouped(capture.frames.size());
+    frames += fmt::format(" (numbers {} to {})", capture.frames.front(), capture.frames.back());
+    report.add("frames", frames, capture.frames.size());
+    report.add("pictures", fmt::format("{} of {}", grouped(pictures), grouped(whole)), pictures);
+    const bool alpha = std::any_of(capture.files.begin(), capture.files.end(),
+                                   [](const CameraFiles& files) { return files.masks.folder.empty(); });
+    report.add("masks", alpha ? "of some cameras the pictures' own alpha" : "one for every picture", pictures);
+    report.add("listed_missing", capture.listedMissing ? grouped(capture.listedMissing) : "", capture.listedMissing);
+    report.add("poses", counted(capture.motion.frames.size(), "frame"), capture.motion.frames.size());
 }
 
-Status addCapturePoses(FileReport& report, const CaptureFiles& files, const InspectOptions& options) {
-    const fs::path path = fs::path(report.path) / "smpl_params.npz";
+/// What trainings and evaluations take by name.
+void addCaptureSplits(FileReport& report, const Capture& capture) {
+    std::vector<std::string> shown;
+    Json json = Json::object();
+    for (const std::string& name : splitNames(capture)) {
+        const auto split = namedSplit(capture, name);
+        if (!split) {
+            report.warn(fmt::format("split {}: {}", name, split.error().describe()));
+            continue;
+        }
+        shown.push_back(fmt::format("{} ({} x {})", name, counted(split->cameras.size(), "camera"),
+                                    counted(split->frames.size(), "frame")));
+        json[name] = {{"cameras", split->cameras.size()}, {"frames", split->frames.size()}};
+    }
+    report.add("splits", listed(shown), json);
+}
+
+/// The file that an unlisted missing view lacks, seen from the folder.
+std::string lackingFile(const Capture& capture, ViewId view) {
     std::error_code failure;
-    if (!fs::exists(path, failure)) {
-        report.add("poses", "none (no smpl_params.npz)", Json());
-        return {};
-    }
-    ARS_TRY(const Motion motion, readMotionNpz(path, {}, options.limits));
-    report.add("poses", counted(motion.frames.size(), "frame"), motion.frames.size());
-    // Frames are numbered by their pose, so a picture beyond the last pose has none.
-    std::size_t last = 0;
-    for (const std::string& name : files.frames) {
-        const std::string stem = fs::path(name).stem().string();
-        const bool digits = !stem.empty() && stem.size() < 10 &&
-                            std::all_of(stem.begin(), stem.end(), [](char c) { return c >= '0' && c <= '9'; });
-        if (digits) last = std::max(last, static_cast<std::size_t>(std::stoul(stem)));
-    }
-    if (last < motion.frames.size()) return {};
-    return makeError(
-        ErrorCode::BadFile, path.string(),
-        fmt::format("has poses for {}, the pictures go up to number {}", counted(motion.frames.size(), "frame"), last));
+    const fs::path picture = capture.imagePath(view);
+    const fs::path file = fs::exists(picture, failure) ? capture.maskPath(view) : picture;
+    return file.lexically_relative(capture.folder).string();
 }
 
 Status inspectCapture(FileReport& report, const InspectOptions& options) {
-    const fs::path folder = report.path;
-    ARS_TRY(const Json json, readJson(folder / "calibration_full.json", options.limits));
-    ARS_TRY(const std::vector<CalibratedCamera> cameras, camerasFromJson(json));
-    addCameras(report, cameras);
-    ARS_TRY(const CaptureFiles files, listCapture(folder, cameras, options.limits));
-    addCaptureFrames(report, files, cameras.size());
-    if (files.frames.empty()) return makeError(ErrorCode::BadFile, "", "no camera folder holds a picture");
-    ARS_TRY_STATUS(addCapturePoses(report, files, options));
-    if (!files.absent.empty()) {
+    ARS_TRY(const Capture capture, openCapture(report.path, options.progress, options.limits));
+    constexpr const char* kLayouts[] = {"AvatarReX", "THuman4", "ActorsHQ"};
+    report.title = fmt::format("capture in {} layout", kLayouts[static_cast<int>(capture.kind)]);
+    report.add("subject", capture.subject);
+    addCameras(report, capture.cameras);
+    addCaptureFrames(report, capture);
+    addCaptureSplits(report, capture);
+    for (const std::string& note : capture.notes) report.warn(note);
+    if (!capture.unlisted.empty()) {
         return makeError(ErrorCode::BadFile, "",
                          fmt::format("{} not there and not in missing_img_files.txt, the first is {}",
-                                     counted(files.absent.size(), "picture is", "pictures are"), files.absent.front()));
+                                     counted(capture.unlisted.size(), "picture or mask is", "pictures or masks are"),
+                                     lackingFile(capture, *capture.unlisted.begin())));
     }
     if (options.fast) return {};
-    std::map<std::string, CalibratedCamera> byName;
-    for (const CalibratedCamera& camera : cameras) byName.emplace(camera.name, camera);
-    return checkPictures(files, byName, options);
+    return readEveryView(capture, options);
+}
+
+/// The head line names the folder already.
+Error insideFolder(Error error, const std::string& folder) {
+    const std::string prefix = folder + (folder.ends_with('/') ? "" : "/");
+    if (error.place.starts_with(prefix)) error.place.erase(0, prefix.size());
+    return error;
 }
 
 } // namespace
@@ -275,25 +225,19 @@ void inspectText(FileReport& report, const InspectOptions& options) {
 void inspectMissingImages(FileReport& report, const InspectOptions& options) {
     report.kind = "missing_images";
     report.title = "text, list of the pictures that a capture lacks";
-    const auto names = readMissingList(report.path, options.limits);
-    if (!names) return report.fail(names.error());
-    report.add("pictures", names->empty() ? "none is missing" : grouped(names->size()), names->size());
+    const auto count = countMissingList(report.path, options.limits);
+    if (!count) return report.fail(count.error());
+    report.add("pictures", *count ? grouped(*count) : "none is missing", *count);
 }
 
 void inspectCaptureFolder(FileReport& report, const InspectOptions& options) {
-    std::error_code failure;
-    const fs::path calibration = fs::path(report.path) / "calibration_full.json";
-    fs::directory_iterator entries(report.path, failure);
-    if (failure)
-        return report.fail(makeError(ErrorCode::Io, "", fmt::format("cannot be opened: {}", failure.message())));
-    if (!fs::exists(calibration, failure)) {
-        return report.fail(
-            makeError(ErrorCode::Unsupported, "",
-                      "a folder, but no capture that this program knows: it has no calibration_full.json"));
+    if (looksLikeCapture(report.path)) {
+        report.kind = "capture";
+        report.title = "multi-view capture";
     }
-    report.kind = "capture";
-    report.title = "capture in AvatarReX layout";
-    if (const Status status = inspectCapture(report, options); !status) report.fail(status.error());
+    if (const Status status = inspectCapture(report, options); !status) {
+        report.fail(insideFolder(status.error(), report.path));
+    }
 }
 
 } // namespace ars::app

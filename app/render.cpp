@@ -30,6 +30,7 @@ Error wrongUsage(std::string option, std::string message) {
 struct RenderPlan {
     std::shared_ptr<AvatarEvaluator> avatar;
     RestAvatarOptions restOptions;
+    PartRadii initialRadii = initialPartRadii(); ///< or learned
     Device device;
     Motion motion; ///< at least one frame
     std::size_t firstNumber = 0;
@@ -163,6 +164,17 @@ Status planOutput(const RenderOptions& options, RenderPlan& plan) {
     return {};
 }
 
+/// A word, a file, or the learned light of a trained avatar.
+Result<LightSource> readPlannedLight(const RenderOptions& options, const Device& device,
+                                     const ProgressFunction& progress) {
+    const std::string& source = options.environment;
+    if (!looksLikeTrainedAvatar(source)) {
+        return readLightSource(source, device, LightQuality::Exact, options.lightSize, progress);
+    }
+    ARS_TRY(Environment learned, trainedAvatarLight(source));
+    return filterLight(source, std::move(learned), device, LightQuality::Exact, options.lightSize, progress);
+}
+
 Result<RenderPlan> makePlan(const RenderOptions& options, ProgressBar& bar) {
     RenderPlan plan;
     ARS_TRY(plan.device, chooseDevice(options.frame.device));
@@ -179,13 +191,17 @@ Result<RenderPlan> makePlan(const RenderOptions& options, ProgressBar& bar) {
     ARS_TRY(LoadedAvatar loaded,
             loadAvatar(options.avatar, options.surfels, options.frame.settings, bar.part(0.0, 0.08)));
     plan.avatar = std::move(loaded.avatar);
+    if (loaded.trained) { // what was asked for comes before what was learned
+        plan.inputs.radii = plan.initialRadii = loaded.trained->radii;
+        plan.inputs.splat = loaded.trained->splat;
+        ARS_TRY_STATUS(applyFrameOptions(frame, plan.inputs));
+    }
     plan.restOptions = loaded.options;
     plan.notes = std::move(loaded.notes);
     ARS_TRY_STATUS(planPoses(options, plan));
     ARS_TRY_STATUS(planCamera(options, plan));
     ARS_TRY_STATUS(planOutput(options, plan));
-    auto light =
-        readLightSource(options.environment, plan.device, LightQuality::Exact, options.lightSize, bar.part(0.08, 0.12));
+    auto light = readPlannedLight(options, plan.device, bar.part(0.08, 0.12));
     if (!light && light.error().code == ErrorCode::InvalidArgument) return atPlace(light.error(), "--env");
     if (!light) return std::move(light).error();
     plan.light = std::move(*light);
@@ -218,6 +234,7 @@ std::string documentOf(const RenderOptions& options, const RenderPlan& plan, con
     rendered.options = &options;
     rendered.rest = plan.restOptions;
     rendered.inputs = &inputs;
+    rendered.initialRadii = plan.initialRadii;
     rendered.tone = plan.display.tone;
     rendered.skeleton = &plan.avatar->rig().skeleton;
     rendered.soleHeightM = soleHeightM(plan.avatar->mesh().mesh.positions);
@@ -334,6 +351,7 @@ Status render(const RenderOptions& options, ProgressBar& bar) {
 } // namespace
 
 int runRender(const RenderOptions& options) {
+    offerTrainedAvatars();
     ProgressBar bar(options.output.quiet);
     const Status status = render(options, bar);
     bar.clear();

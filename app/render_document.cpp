@@ -27,8 +27,11 @@ std::string absolutePath(const std::string& path) {
 AvatarSection avatarOf(const RenderedFrame& frame) {
     AvatarSection avatar;
     const std::string prefix = "rest:", source = frame.options->avatar;
-    const bool file = source.starts_with(prefix) && source != prefix + "open";
-    avatar.source = file ? prefix + absolutePath(source.substr(prefix.size())) : source;
+    if (!source.starts_with(prefix)) {
+        avatar.source = absolutePath(source);
+        return avatar;
+    }
+    avatar.source = source == prefix + "open" ? source : prefix + absolutePath(source.substr(prefix.size()));
     avatar.rest = frame.rest;
     return avatar;
 }
@@ -109,6 +112,7 @@ Document documentOfFrame(const RenderedFrame& frame) {
     document.camera = cameraOf(*frame.options, inputs);
     document.light = lightOf(*frame.options, inputs.placement);
     document.occlusion.radii = inputs.radii;
+    document.occlusion.initial = frame.initialRadii;
     document.occlusion.settings = inputs.occlusion;
     document.occlusion.posing = inputs.posing;
     document.occlusion.splat = inputs.splat;

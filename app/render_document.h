@@ -15,6 +15,7 @@ struct RenderedFrame {
     const RenderOptions* options = nullptr;
     RestAvatarOptions rest;
     const FrameInputs* inputs = nullptr;
+    PartRadii initialRadii = initialPartRadii(); ///< what the studio's reset returns to
     ToneParams tone;
     const Skeleton* skeleton = nullptr;
     float soleHeightM = 0.0f;

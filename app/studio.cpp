@@ -1,5 +1,6 @@
 #include "app/studio.h"
 
+#include "app/avatar_source.h"
 #include "app/frame_options.h"
 #include "app/interrupt.h"
 
@@ -29,6 +30,7 @@ bool displayIsThere() {
 namespace {
 
 Status openStudio(const StudioOptions& options) {
+    offerTrainedAvatars();
     ui::WindowStart start;
     for (const std::string& file : options.files) {
         std::error_code error;

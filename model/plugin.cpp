@@ -1,11 +1,180 @@
 #include "model/plugin.h"
 
+#include "engine/capture/capture.h"
+#include "model/avatar/avatar_model.h"
+#include "model/evaluation/evaluation.h"
+#include "model/run/training_run.h"
+#include "model/training/trainer.h"
+#include "model/training/training_config.h"
+
+#include <nlohmann/json.hpp>
+
+#include <thread>
+
 namespace {
 
-class Plugin final : public ars::ModelPlugin {
+using namespace ars;
+
+/// NAME.avatar/, a checkpoint, or the newest checkpoint of a run.
+Result<std::filesystem::path> avatarFolder(const std::filesystem::path& path) {
+    if (std::filesystem::exists(path / "avatar.json")) return path;
+    if (looksLikeRunFolder(path)) {
+        ARS_TRY(const std::vector<CheckpointEntry> checkpoints, listCheckpoints(path));
+        if (checkpoints.empty()) {
+            return makeError(ErrorCode::NotFound, path.string(), "is a run without a checkpoint yet");
+        }
+        return checkpoints.back().folder;
+    }
+    if (!std::filesystem::exists(path)) return makeError(ErrorCode::NotFound, path.string(), "does not exist");
+    return makeError(ErrorCode::BadFile, path.string(),
+                     "is no avatar: expected a folder with avatar.json, a run or one of its checkpoints");
+}
+
+Result<EvaluationProtocol> evaluationProtocol(const std::string& word) {
+    if (word == "ag") return EvaluationProtocol::Ag;
+    if (word == "heldout") return EvaluationProtocol::HeldOut;
+    if (word == "masked") return EvaluationProtocol::Masked;
+    return makeError(ErrorCode::InvalidArgument, "--protocol",
+                     fmt::format("is \"{}\", expected ag, heldout or masked", word));
+}
+
+RunOptions runOptions(const TrainingConfig& config) {
+    RunOptions options;
+    options.checkpointSteps = config.run.checkpointSteps;
+    options.previewSteps = config.run.previewSteps;
+    options.metricsSteps = config.run.metricsSteps;
+    options.policy.newest = config.run.checkpointsKept;
+    options.policy.milestoneSteps = config.run.milestoneSteps;
+    return options;
+}
+
+nlohmann::json runConfig(const TrainerSources& sources, const TrainingConfig& config) {
+    return {{"format", "ars.run"},
+            {"version", 1},
+            {"sources", trainerSourcesToJson(sources)},
+            {"training", trainingConfigToJson(config)}};
+}
+
+/// What a run goes on with: its own config, under the settings that were given.
+struct PreparedRun {
+    std::unique_ptr<RunWriter> writer;
+    TrainerSources sources;
+    TrainingConfig config;
+};
+
+Status applySettings(const TrainRequest& request, TrainingConfig& config) {
+    for (const auto& [name, value] : request.settings) ARS_TRY_STATUS(setTrainingParameter(config, name, value));
+    return validateTrainingConfig(config);
+}
+
+Result<PreparedRun> prepareNewRun(const TrainRequest& request) {
+    PreparedRun run;
+    run.sources = {std::filesystem::absolute(request.capture),
+                   request.body.empty() ? request.body : std::filesystem::absolute(request.body),
+                   request.templateFile.empty() ? request.templateFile
+                                                : std::filesystem::absolute(request.templateFile)};
+    ARS_TRY(run.config, trainingPreset(request.preset));
+    ARS_TRY_STATUS(applySettings(request, run.config));
+    // What is wrong with the capture is said before a folder is made.
+    ARS_TRY(const Capture capture, openCapture(run.sources.capture));
+    ARS_TRY(const CaptureSplit split, trainingSplit(capture, run.config.cameras, run.config.frames));
+    (void)split;
+    ARS_TRY(run.writer, RunWriter::create(request.run, runConfig(run.sources, run.config)));
+    return run;
+}
+
+Result<PreparedRun> prepareResume(const TrainRequest& request) {
+    PreparedRun run;
+    ARS_TRY(const nlohmann::json json, readRunConfig(request.run));
+    const std::string place = (request.run / kRunConfigFile).string();
+    if (!json.contains("sources") || !json.contains("training")) {
+        return makeError(ErrorCode::BadFile, place, "expected \"sources\" and \"training\"");
+    }
+    ARS_TRY(run.sources, trainerSourcesFromJson(json["sources"]));
+    ARS_TRY(run.config, trainingConfigFromJson(json["training"]));
+    if (!request.capture.empty()) run.sources.capture = std::filesystem::absolute(request.capture);
+    ARS_TRY_STATUS(applySettings(request, run.config));
+    ARS_TRY(run.writer, RunWriter::open(request.run));
+    const nlohmann::json now = runConfig(run.sources, run.config);
+    if (now != json) {
+        ARS_TRY(const RunStatus status, readRunStatus(request.run));
+        ARS_TRY_STATUS(run.writer->rewriteConfig(now, status.step));
+    }
+    return run;
+}
+
+class Plugin final : public ModelPlugin {
 public:
-    ars::TorchInfo initialize() override { return ars::initializeTorch(); }
-    ars::TorchSpeed measureSpeed(int repetitions) override { return ars::measureTorchSpeed(repetitions); }
+    TorchInfo initialize() override { return initializeTorch(); }
+    TorchSpeed measureSpeed(int repetitions) override { return measureTorchSpeed(repetitions); }
+
+    Result<OpenedAvatar> openAvatar(const std::filesystem::path& path, bool project) override {
+        initializeTorch();
+        ARS_TRY(const std::filesystem::path folder, avatarFolder(path));
+        ARS_TRY(AvatarModel model, readAvatar(folder));
+        OpenedAvatar opened;
+        opened.radii = learnedRadii(model.spec);
+        opened.light = model.light;
+        opened.splat = model.spec.splat;
+        opened.preset = model.spec.preset;
+        opened.origin = model.spec.origin;
+        opened.evaluator = makeTrainedAvatar(std::move(model), project);
+        return opened;
+    }
+
+    Result<RunStatus> train(const TrainRequest& request, const std::atomic<bool>& stop,
+                            const std::function<void(const RunStatus&)>& listener) override {
+        ARS_TRY(PreparedRun run, request.resume ? prepareResume(request) : prepareNewRun(request));
+        const std::unique_ptr<TrainingTask> task = makeAvatarTrainer(run.sources, run.config);
+        RunSignals signals;
+        const RunListener told = [&](const RunStatus& status) {
+            if (stop) signals.stop = true;
+            if (listener) listener(status);
+        };
+        // A stop is heard within a tenth of a second also while a step is long.
+        std::atomic<bool> ended{false};
+        std::thread watch([&] {
+            while (!ended && !signals.stop) {
+                if (stop) signals.stop = true;
+                std::this_thread::sleep_for(std::chrono::milliseconds(50));
+            }
+        });
+        Result<RunStatus> status =
+            runTraining(*run.writer, *task, runOptions(run.config), request.resume, signals, told);
+        ended = true;
+        watch.join();
+        return status;
+    }
+
+    Result<nlohmann::ordered_json> evaluate(const EvalRequest& request, const ProgressFunction& progress) override {
+        ARS_TRY(const OpenedAvatar opened, openAvatar(request.avatar, request.project));
+        EvaluatedAvatar avatar;
+        avatar.evaluator = opened.evaluator;
+        avatar.radii = opened.radii;
+        avatar.light = opened.light;
+        avatar.splat = opened.splat;
+        avatar.name = request.avatar.string();
+        EvaluationOptions options;
+        ARS_TRY(options.protocol, evaluationProtocol(request.protocol));
+        options.split = request.split;
+        options.cameras = request.cameras;
+        options.frames = request.frames;
+        options.outFolder = request.out;
+        options.pictures = request.pictures;
+        options.light = request.light;
+        return evaluateAvatar(avatar, request.capture, options, progress);
+    }
+
+    Result<std::vector<ParameterInfo>> trainingParameters(const std::string& preset) override {
+        ARS_TRY(const TrainingConfig config, trainingPreset(preset));
+        return trainingParameterInfos(config);
+    }
+
+    Status exportAvatar(const std::filesystem::path& checkpoint, const std::filesystem::path& folder) override {
+        ARS_TRY(const std::filesystem::path source, avatarFolder(checkpoint));
+        ARS_TRY(const AvatarModel model, readAvatar(source));
+        return writeAvatar(folder, model, {});
+    }
 };
 
 } // namespace

@@ -1,8 +1,60 @@
 #pragma once
 
+#include "engine/core/error.h"
+#include "engine/core/progress.h"
+#include "engine/frame/avatar_evaluator.h"
+#include "engine/light/cube_map.h"
+#include "engine/scene/run_folder.h"
+#include "engine/surfel/pose_surfels.h"
+#include "engine/surfel/splat.h"
 #include "model/runtime.h"
 
+#include <nlohmann/json_fwd.hpp>
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
 namespace ars {
+
+/// A trained avatar (NAME.avatar/ or a checkpoint of a run) as the rest of the program uses it.
+struct OpenedAvatar {
+    std::shared_ptr<AvatarEvaluator> evaluator;
+    PartRadii radii{};            ///< learned
+    std::optional<CubeMap> light; ///< learned or given in training
+    SplatParams splat;
+    std::string preset;
+    std::string origin;
+};
+
+/// One call of `ars train`.
+struct TrainRequest {
+    std::filesystem::path capture;
+    std::filesystem::path body;         ///< body file; empty: the capture's own or the open body
+    std::filesystem::path templateFile; ///< empty: template.glb|npz|ply in the capture, else the body
+    std::filesystem::path run;
+    std::string preset = "compact";
+    std::vector<std::pair<std::string, std::string>> settings; ///< --set name=value, in order
+    bool resume = false;
+};
+
+/// One call of `ars eval`.
+struct EvalRequest {
+    std::filesystem::path avatar; ///< NAME.avatar/, a run (its newest checkpoint), a checkpoint
+    std::filesystem::path capture;
+    std::filesystem::path out;
+    std::string split = "all";
+    std::string protocol = "masked";
+    std::string cameras, frames;
+    std::filesystem::path light;
+    int pictures = 8;
+    bool project = true; ///< PCA projection of poses
+};
 
 /// What the program asks of model/. The program loads libars_model.so when a command first needs LibTorch and speaks to
 /// it through this interface alone.
@@ -11,6 +63,16 @@ public:
     virtual ~ModelPlugin() = default;
     virtual TorchInfo initialize() = 0;
     virtual TorchSpeed measureSpeed(int repetitions) = 0;
+
+    virtual Result<OpenedAvatar> openAvatar(const std::filesystem::path& path, bool project) = 0;
+    /// Trains until the end, a request or `stop`; the last status.
+    virtual Result<RunStatus> train(const TrainRequest& request, const std::atomic<bool>& stop,
+                                    const std::function<void(const RunStatus&)>& listener) = 0;
+    virtual Result<nlohmann::ordered_json> evaluate(const EvalRequest& request, const ProgressFunction& progress) = 0;
+    /// Rows of `ars train --help-parameters`.
+    virtual Result<std::vector<ParameterInfo>> trainingParameters(const std::string& preset) = 0;
+    /// A NAME.avatar/ of a run's checkpoint.
+    virtual Status exportAvatar(const std::filesystem::path& checkpoint, const std::filesystem::path& folder) = 0;
 };
 
 /// Name of the function that the library exports: `ars::ModelPlugin* arsModelPlugin()`; the object lives for ever.

@@ -41,10 +41,11 @@ std::unique_ptr<Panel> makeTimelinePanel();  ///< timeline.cpp
 std::unique_ptr<Panel> makeLightPanel();     ///< light.cpp
 std::unique_ptr<Panel> makeOcclusionPanel(); ///< occlusion.cpp
 std::unique_ptr<Panel> makeCameraPanel();    ///< camera.cpp
-std::unique_ptr<Panel> makeBuffersPanel(); ///< buffers.cpp: which buffer, ranges, colour maps, values under the cursor
-std::unique_ptr<Panel> makeComparePanel(); ///< compare.cpp
-std::unique_ptr<Panel> makeOutputPanel();  ///< output.cpp: screenshot, film, EXR
-std::unique_ptr<Panel> makeHistoryPanel(); ///< history.cpp: undo list
+std::unique_ptr<Panel> makeBuffersPanel();  ///< buffers.cpp: which buffer, ranges, colour maps, values under the cursor
+std::unique_ptr<Panel> makeComparePanel();  ///< compare.cpp
+std::unique_ptr<Panel> makeOutputPanel();   ///< output.cpp: screenshot, film, EXR
+std::unique_ptr<Panel> makeTrainingPanel(); ///< training.cpp: start, watch, pause and resume a training
+std::unique_ptr<Panel> makeHistoryPanel();  ///< history.cpp: undo list
 std::unique_ptr<Panel> makePerformancePanel(); ///< performance.cpp: stages, rates, memory
 std::unique_ptr<Panel> makeJobsPanel();        ///< jobs.cpp: work beside the window, notices, log
 

@@ -42,7 +42,9 @@ void addFileActions(Studio::State& state, std::vector<Action>& actions) {
         [&state](StudioContext&) { state.askOpen(); });
     const std::tuple<const char*, const char*, const char*, FileRole> kinds[] = {
         {"file.open_project", "Open project...", "A .ars file", FileRole::Project},
-        {"file.open_avatar", "Open avatar...", "A skinned glTF, a body or an avatar folder", FileRole::Avatar},
+        {"file.open_avatar", "Open avatar...", "A skinned glTF or a body", FileRole::Avatar},
+        {"file.open_trained", "Open trained avatar...", "The folder of an avatar, a training run or a checkpoint",
+         FileRole::Run},
         {"file.open_light", "Open light...", "A panorama, EXR or HDR, that lights the avatar", FileRole::Light},
         {"file.open_motion", "Open motion...", "AMASS, smpl_params, BVH or a glTF animation", FileRole::Clip},
         {"file.open_pose", "Open pose...", "A pose, or the first one of a motion", FileRole::PoseFile},

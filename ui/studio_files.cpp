@@ -29,6 +29,7 @@ const RoleWords& wordsOf(FileRole role) {
         {FileRole::Capture, "Open capture", "capture", {".json"}},
         {FileRole::ComparePicture, "Compare with picture", "picture", {".png", ".jpg", ".jpeg", ".exr", ".hdr"}},
         {FileRole::PictureOfOurs, "Restore from picture", "picture", {".png", ".exr", ".mp4"}},
+        {FileRole::Run, "Open trained avatar or training run", "training runs", {}},
     };
     for (const RoleWords& row : words) {
         if (row.role == role) return row;
@@ -75,6 +76,7 @@ void Studio::State::open(const fs::path& file) {
     const fs::path path = fs::absolute(file, error);
     const Result<FileRole> role = Session::roleOf(path);
     const bool replaces = role && (*role == FileRole::Project || *role == FileRole::PictureOfOurs);
+    if (role && *role == FileRole::Run) studio.setOpen("training", true);
     if (replaces)
         guardUnsaved("Open " + path.filename().string(), [this, path] { session.open(path); });
     else
@@ -103,7 +105,9 @@ void Studio::State::askOpenAs(FileRole role) {
     question.title = words.title;
     question.folderKey = words.key;
     question.endings = words.endings;
-    question.chosen = [this, role](const fs::path& file) { openAs(file, role); };
+    question.folder = role == FileRole::Run;
+    // A folder's contents tell an avatar from a run.
+    question.chosen = [this, role](const fs::path& file) { role == FileRole::Run ? open(file) : openAs(file, role); };
     studio.ask(std::move(question));
 }
 

@@ -35,7 +35,7 @@ void Studio::State::buildLayout(unsigned dock) {
     put(middle, {"viewport"});
     put(left, {"buffers", "compare"});
     put(right, {"pose", "light", "occlusion", "camera"});
-    put(bottom, {"timeline", "output", "history", "performance", "jobs"});
+    put(bottom, {"timeline", "output", "training", "history", "performance", "jobs"});
     ImGui::DockBuilderFinish(dock);
     // The first tab of each group lies in front.
     for (ImGuiID node : {left, right, bottom}) {

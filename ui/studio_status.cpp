@@ -1,4 +1,5 @@
 #include "ui/studio_state.h"
+#include "ui/viewport/view.h"
 
 #include <imgui_internal.h>
 
@@ -144,7 +145,9 @@ void Studio::State::drawHint() {
             return;
         }
     }
-    if (!session.frame()) return;
+    // Beside a comparison its place belongs to the numbers.
+    const ViewLayout layout = session.document().view.layout;
+    if (!session.frame() || (layout != ViewLayout::Single && layout != ViewLayout::Strip)) return;
     const char* text = "Drag a hand";
     const char* more = "drag beside the body to turn the view, scroll to come closer";
     const float size = ImGui::GetFontSize();
@@ -155,10 +158,10 @@ void Studio::State::drawHint() {
     ImDrawList& list = *ImGui::GetWindowDrawList();
     const float half = wide.x * 0.5f + size;
     list.AddRectFilled({center.x - half, center.y - size * 1.7f}, {center.x + half, center.y + size * 1.7f},
-                       IM_COL32(0, 0, 0, 120), size * 0.6f);
+                       ImGui::GetColorU32(plateColor()), size * 0.6f);
     const ImVec2 title = ImGui::CalcTextSize(text);
-    list.AddText({center.x - title.x * 0.5f, center.y - size * 1.2f}, IM_COL32(255, 255, 255, 235), text);
-    list.AddText({center.x - wide.x * 0.5f, center.y + size * 0.2f}, IM_COL32(255, 255, 255, 150), more);
+    list.AddText({center.x - title.x * 0.5f, center.y - size * 1.2f}, ImGui::GetColorU32(inkColor(Ink::Text)), text);
+    list.AddText({center.x - wide.x * 0.5f, center.y + size * 0.2f}, ImGui::GetColorU32(inkColor(Ink::Muted)), more);
 }
 
 } // namespace ars::ui

@@ -10,12 +10,16 @@
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 
-#include <imgui.h>
+#include <imgui_internal.h>
 
 #include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <thread>
+
+#include <sys/resource.h>
+#include <unistd.h>
 
 namespace ars::ui {
 namespace {
@@ -79,8 +83,9 @@ class StudioWindow {
 public:
     StudioWindow(const WindowStart& start, std::unique_ptr<WindowContext> window, std::unique_ptr<ImGuiHost> host)
         : start_(start), settings_(start.settings), window_(std::move(window)), host_(std::move(host)),
-          keeper_(start.stateFolder, readSettings(start.stateFolder)), session_(sessionOptions(start)),
-          studio_(session_, settings_), interval_(refreshInterval(window_->handle(), window_->info().software)) {
+          keeper_(start.stateFolder, readSettings(start.stateFolder)), ownedSession_(patientSession(start)),
+          session_(*ownedSession_), studio_(session_, settings_),
+          interval_(refreshInterval(window_->handle(), window_->info().software)) {
         GLFWwindow* handle = window_->handle();
         if (!start.probe.empty()) probe_ = std::make_unique<ScriptProbe>(start.probe, host_->testEngine());
         setIcon(handle);
@@ -95,6 +100,12 @@ public:
     void run() {
         studio_.drop(start_.open);
         Clock::time_point last = Clock::now();
+        for (int i = 0; i < kStartUpFrames; ++i) {
+            frame(secondsBetween(last, Clock::now()));
+            last = Clock::now();
+        }
+        glfwShowWindow(window_->handle());
+        shown_ = true;
         while (!studio_.quit()) {
             wait();
             const Clock::time_point now = Clock::now();
@@ -106,21 +117,47 @@ public:
         studio_.rememberLayout();
         keeper_.flush(settings_);
         const WindowTimings& timings = studio_.timings();
-        logInfo("window: {} frames, 99 % within {:.1f} ms, longest {:.1f} ms", timings.frames(),
-                timings.percentileMs(0.99), timings.longest().totalMs());
-        if (start_.timings.empty()) return;
-        const Status written = timings.write(start_.timings);
-        if (!written) logError("window: {}", written.error().describe());
+        logInfo("window: start-up of {} frames, longest {:.1f} ms; then {} frames, 99 % within {:.1f} ms, longest "
+                "{:.1f} ms ({:.1f} ms of processor)",
+                timings.startUpFrames(), timings.longestStartUp().totalMs(), timings.frames(),
+                timings.percentileMs(0.99), timings.longest().totalMs(), timings.longest().processorMs);
+        writeTimings();
     }
 
 private:
+    /// Docks are laid out by the first frame and filled by the second; fonts, shaders and tables are made by both.
+    static constexpr int kStartUpFrames = 3;
+    static constexpr double kLongestPauseS = 0.4;
+
+    /// A session whose pictures are computed by threads that let the window's own go first: on few cores a full picture
+    /// would else hold up every frame of the window. Threads inherit the priority of the one that starts them, and a
+    /// thread may not take it back: hence one for this alone.
+    static std::unique_ptr<Session> patientSession(const WindowStart& start) {
+        std::unique_ptr<Session> session;
+        std::thread([&] {
+            constexpr int kNice = 5;
+            // Refused: the window is less smooth, and all else is as it was.
+            (void)setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), getpriority(PRIO_PROCESS, 0) + kNice);
+            session = std::make_unique<Session>(sessionOptions(start));
+        }).join();
+        return session;
+    }
+
     static SessionOptions sessionOptions(const WindowStart& start) {
         SessionOptions options;
         options.device = start.device;
         options.stateFolder = start.stateFolder;
         options.autosave = start.settings.autosave;
+        if (start.document) options.document = *start.document;
+        options.lightBase = start.lightBase;
         options.wake = [] { glfwPostEmptyEvent(); };
         return options;
+    }
+
+    void writeTimings() {
+        if (start_.timings.empty()) return;
+        const Status written = studio_.timings().write(start_.timings);
+        if (!written) logError("window: {}", written.error().describe());
     }
 
     void dropped(int count, const char** paths) {
@@ -131,8 +168,7 @@ private:
     bool busy() const {
         const ImGuiIO& io = ImGui::GetIO();
         return settling_ > 0 || (probe_ && probe_->busy()) || session_.document().view.layout == ViewLayout::Blink ||
-               !session_.worker().idle() || session_.transport().playing || io.MouseDown[0] || io.MouseDown[1] ||
-               io.MouseDown[2];
+               session_.transport().playing || io.MouseDown[0] || io.MouseDown[1] || io.MouseDown[2];
     }
 
     /// Sleeps until something happens, never shorter than the display's interval since the last frame.
@@ -144,13 +180,23 @@ private:
         else if (studio_.animating() || ImGui::GetIO().WantTextInput || secondsBetween(activity_, begun) < 2.0)
             longest = std::min(longest, 0.1);
         const bool woken = waitFor(longest);
-        if (woken) {
-            activity_ = Clock::now();
-            settling_ = 3; // widgets need some frames to come to rest
-        } else if (settling_ > 0) {
-            --settling_;
-        }
+        if (woken) activity_ = Clock::now();
+        bool touched = touchedSince();
         for (double rest = restOfInterval(); rest > 5e-4; rest = restOfInterval()) glfwWaitEventsTimeout(rest);
+        touched = touched || touchedSince();
+        // Where the processor draws, the window leaves half of the time to the pictures that it is to show.
+        while (!touched && window_->info().software && !session_.worker().idle() && !session_.transport().playing) {
+            const double rest = std::min(drawnFor_, kLongestPauseS) - secondsBetween(shownAt_, Clock::now());
+            if (rest < 5e-4) break;
+            glfwWaitEventsTimeout(rest);
+            touched = touchedSince();
+        }
+        if (touched)
+            settling_ = 3; // widgets need some frames to come to rest
+        else if (woken)
+            settling_ = std::max(settling_ - 1, 1); // a picture or a job came
+        else if (settling_ > 0)
+            --settling_;
         if (start_.interrupted && start_.interrupted() && !interrupted_) {
             interrupted_ = true;
             studio_.requestQuit();
@@ -159,6 +205,16 @@ private:
             glfwSetWindowShouldClose(window_->handle(), GLFW_FALSE);
             studio_.requestQuit();
         }
+    }
+
+    /// Whether the person did something since the last frame.
+    bool touchedSince() {
+        int width = 0, height = 0;
+        window_->framebufferSize(width, height);
+        const bool resized = width != width_ || height != height_;
+        width_ = width;
+        height_ = height;
+        return resized || !drops_.empty() || ImGui::GetCurrentContext()->InputEventsQueue.Size > 0;
     }
 
     /// True when something happened before the time was over.
@@ -174,6 +230,7 @@ private:
         if (probe_) probe_->update(session_); // no part of what a person's window does: not measured
         drawn_ = Clock::now();
         const Clock::time_point begun = drawn_;
+        const double processor = threadProcessorMs();
         if (!drops_.empty()) studio_.drop(std::exchange(drops_, {}));
         session_.update(seconds);
         const Clock::time_point updated = Clock::now();
@@ -183,17 +240,26 @@ private:
         host_->beginFrame(seconds);
         studio_.draw(start_.scale > 0.0f ? start_.scale : displayScale(window_->handle()));
         const Clock::time_point said = Clock::now();
-        host_->endFrame(width, height);
+        host_->endFrame();
+        host_->draw(width, height);
         window_->swapBuffers();
         host_->afterSwap();
         const Clock::time_point shown = Clock::now();
-        studio_.timings().add({millisecondsBetween(begun, updated), millisecondsBetween(updated, said),
-                               millisecondsBetween(said, shown)});
+        drawnFor_ = secondsBetween(begun, shown);
+        shownAt_ = shown;
+        const WindowTimings::Parts parts{millisecondsBetween(begun, updated), millisecondsBetween(updated, said),
+                                         millisecondsBetween(said, shown),
+                                         static_cast<float>(threadProcessorMs() - processor)};
+        if (shown_)
+            studio_.timings().add(parts);
+        else
+            studio_.timings().addStartUp(parts);
         nameWindow();
         if (secondsBetween(kept_, shown) > 2.0) {
             kept_ = shown;
             rememberWindow();
             keeper_.update(settings_);
+            writeTimings(); // a program that is killed leaves them, too
         }
     }
 
@@ -223,16 +289,20 @@ private:
     std::unique_ptr<WindowContext> window_;
     std::unique_ptr<ImGuiHost> host_;
     SettingsKeeper keeper_;
-    mutable Session session_;
+    std::unique_ptr<Session> ownedSession_;
+    Session& session_;
     Studio studio_;
     std::unique_ptr<ScriptProbe> probe_;
     double interval_;
     std::vector<std::filesystem::path> drops_;
     std::string title_;
     int settling_ = 3;
+    int width_ = 0, height_ = 0; ///< of the frame buffer
+    bool shown_ = false;
     bool interrupted_ = false;
     Clock::time_point activity_ = Clock::now();
-    Clock::time_point drawn_{};
+    Clock::time_point drawn_{}, shownAt_{};
+    double drawnFor_ = 0.0; ///< seconds that the last frame took
     Clock::time_point kept_ = Clock::now();
 };
 
@@ -243,6 +313,7 @@ Status runStudio(const WindowStart& start) {
     options.width = start.settings.windowWidth;
     options.height = start.settings.windowHeight;
     options.maximized = start.settings.maximized && !start.sizeGiven;
+    options.visible = false; // until it has something to show
     ARS_TRY(std::unique_ptr<WindowContext> window, WindowContext::create(options));
     logInfo("window: {}", window->info().chosen);
     ARS_TRY(std::unique_ptr<ImGuiHost> host, ImGuiHost::create(window->handle(), !start.probe.empty()));

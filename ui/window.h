@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
 namespace ars::ui {
@@ -23,6 +24,8 @@ struct WindowStart {
     bool sizeGiven = false;            ///< settings' size came from the command line: not maximised
     std::filesystem::path timings;     ///< JSON of the frame times, written at the end; empty: none
     std::filesystem::path probe;       ///< folder of the script probe; empty: none
+    std::optional<Document> document;  ///< to begin with; none: a new one
+    int lightBase = kDefaultLightBase; ///< see SessionOptions
     std::function<bool()> interrupted; ///< true once Ctrl+C was pressed on the terminal; may be null
 };
 
@@ -37,7 +40,9 @@ public:
     static Result<std::unique_ptr<HeadlessStudio>> create(int width, int height, const WindowStart& start);
     ~HeadlessStudio();
 
-    /// One window frame: events of the test engine, widgets, drawing. Real time passes.
+    /// One window frame: events of the test engine, widgets. Real time passes. It is drawn when its pixels are asked
+    /// for: without a display nobody waits for a picture, and a driver that draws on the processor would have to make
+    /// every one of them some time.
     void step();
     /// Frames until the session is settled, or the timeout; false then.
     bool settle(double seconds);

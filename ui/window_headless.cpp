@@ -26,6 +26,7 @@ struct HeadlessStudio::State {
     std::unique_ptr<Session> session;
     std::unique_ptr<Studio> studio;
     Clock::time_point last = Clock::now();
+    bool drawn = false; ///< the last frame is in the target
 
     ~State() {
         if (host) use();
@@ -56,6 +57,8 @@ Result<std::unique_ptr<HeadlessStudio>> HeadlessStudio::create(int width, int he
     options.device = start.device;
     options.stateFolder = start.stateFolder;
     options.autosave = start.settings.autosave;
+    if (start.document) options.document = *start.document;
+    options.lightBase = start.lightBase;
     state.keeper.emplace(start.stateFolder, readSettings(start.stateFolder));
     state.session = std::make_unique<Session>(options);
     state.studio = std::make_unique<Studio>(*state.session, state.settings);
@@ -79,11 +82,9 @@ void HeadlessStudio::step() {
     state.host->beginFrame(seconds);
     state.studio->draw(state.start.scale > 0.0f ? state.start.scale : 1.0f);
     parts.widgetsMs = since(updated);
-    const Clock::time_point said = Clock::now();
-    state.target->bind();
-    state.host->endFrame(state.target->width(), state.target->height());
+    state.host->endFrame();
     state.host->afterSwap();
-    parts.drawMs = since(said);
+    state.drawn = false;
     state.studio->timings().add(parts);
     state.keeper->update(state.settings);
 }
@@ -106,8 +107,14 @@ Settings& HeadlessStudio::settings() { return state_->settings; }
 void* HeadlessStudio::testEngine() { return state_->host->testEngine(); }
 
 std::vector<std::uint8_t> HeadlessStudio::pixels() {
-    state_->use();
-    return state_->target->read();
+    State& state = *state_;
+    state.use();
+    if (!state.drawn) {
+        state.target->bind();
+        state.host->draw(state.target->width(), state.target->height());
+        state.drawn = true;
+    }
+    return state.target->read();
 }
 
 Status HeadlessStudio::writePicture(const std::filesystem::path& png) {

@@ -89,8 +89,15 @@ void ImGuiHost::beginFrame(double secondsSinceLast) {
     ImGui::NewFrame();
 }
 
-void ImGuiHost::endFrame(int width, int height) {
+void ImGuiHost::endFrame() {
     ImGui::Render();
+    // Letters that are new in this frame: also when nobody will draw it.
+    for (ImTextureData* texture : ImGui::GetPlatformIO().Textures) {
+        if (texture->Status != ImTextureStatus_OK) ImGui_ImplOpenGL3_UpdateTexture(texture);
+    }
+}
+
+void ImGuiHost::draw(int width, int height) {
     // Panels draw pictures of their own: the frame buffer is not where it was.
     if (window_) glBindFramebuffer(GL_FRAMEBUFFER, 0);
     glViewport(0, 0, width, height);

@@ -25,8 +25,10 @@ public:
     bool use();
     void setSize(int width, int height); ///< without a window
     void beginFrame(double secondsSinceLast);
-    /// Draws what the frame's widgets said: into the window, without one into the frame buffer that is bound.
-    void endFrame(int width, int height);
+    /// Nothing more is said in this frame.
+    void endFrame();
+    /// Draws what the last frame's widgets said: into the window, without one into the frame buffer that is bound.
+    void draw(int width, int height);
     void afterSwap();
     void* testEngine() const { return engine_; }
 

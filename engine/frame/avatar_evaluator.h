@@ -35,8 +35,9 @@ public:
     /// One line for the person: what this is ("rest avatar of template.glb, 40,824 surfels").
     virtual std::string description() const = 0;
 
-    virtual bool dependsOnPose() const = 0;      ///< canonical surfels change with the pose
-    virtual bool colorsDependOnView() const = 0; ///< radiance colours change with the camera
+    virtual bool dependsOnPose() const = 0; ///< canonical surfels change with the pose
+    /// Radiance colours change with where the camera stands and looks, its R and t; nothing else does.
+    virtual bool colorsDependOnView() const = 0;
     /// Whether the canonical surfels under both poses are the same; an evaluation is spared then.
     virtual bool sameSurfels(const Pose& a, const Pose& b) const {
         return !dependsOnPose() ||

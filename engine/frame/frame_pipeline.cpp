@@ -97,6 +97,10 @@ bool wantsParts(const std::vector<BufferId>& wanted) {
                        [](BufferId id) { return id == BufferId::Diffuse || id == BufferId::Specular; });
 }
 
+bool wantsRadiance(const std::vector<BufferId>& wanted) {
+    return std::find(wanted.begin(), wanted.end(), BufferId::Radiance) != wanted.end();
+}
+
 bool wantsOcclusion(const FrameInputs& inputs, const std::vector<BufferId>& wanted) {
     return std::find(wanted.begin(), wanted.end(), BufferId::AmbientOcclusion) != wanted.end() ||
            (inputs.shading.occlude && std::any_of(wanted.begin(), wanted.end(), isShaded));
@@ -170,7 +174,7 @@ StageFlags FramePipeline::pending(const FrameInputs& inputs, const std::vector<B
     const Changes changed = changes(inputs, t);
     const bool shaded = std::any_of(wanted.begin(), wanted.end(), isShaded);
     const bool otherPose = canonicalVersion_ == 0 || !avatar_->sameSurfels(evaluatedPose_, inputs.pose);
-    const bool otherView = avatar_->colorsDependOnView() && (changed.camera || evaluatedCamera_ != t.cameraVersion);
+    const bool otherView = wantsRadiance(wanted) && !colorsFit(inputs.camera);
     const bool evaluate = canonicalVersion_ == 0 || (!inputs.keepCanonical && (otherPose || otherView));
     const bool pose = evaluate || changed.pose || changed.radii || posedCanonical_ != canonicalVersion_ ||
                       posedPose_ != poseVersion_ || posedRadii_ != radiiVersion_;
@@ -212,7 +216,8 @@ Status FramePipeline::render(const FrameInputs& inputs, const std::vector<Buffer
     current_ = where;
     adopt(inputs, changes(inputs, target()));
     const auto due = [&runs](FrameStage stage) { return runs[static_cast<std::size_t>(stage)]; };
-    if (due(FrameStage::Evaluate)) ARS_TRY_STATUS(evaluate(inputs));
+    target().radiance = wantsRadiance(wanted);
+    if (due(FrameStage::Evaluate)) ARS_TRY_STATUS(evaluate(inputs, target().radiance));
     if (due(FrameStage::Pose)) ARS_TRY_STATUS(poseStage(inputs));
     if (due(FrameStage::Splat))
         ARS_TRY_STATUS(splatStage(inputs, neededChannels(wanted, inputs.occlusion, inputs.shading.occlude)));
@@ -221,22 +226,32 @@ Status FramePipeline::render(const FrameInputs& inputs, const std::vector<Buffer
     return {};
 }
 
-Status FramePipeline::evaluate(const FrameInputs& inputs) {
+Status FramePipeline::evaluate(const FrameInputs& inputs, bool radiance) {
     return timed(FrameStage::Evaluate, [&]() -> Status {
+        evaluatedViewAlone_ = canonicalVersion_ != 0 && avatar_->sameSurfels(evaluatedPose_, inputs.pose);
         canonicalVersion_ = 0; // nothing holds if it fails half-way
-        const bool view = avatar_->colorsDependOnView();
+        // Colours of a view cost a pass of their own, which nobody needs who looks at other buffers.
+        const bool view = radiance && avatar_->colorsDependOnView();
         ARS_TRY_STATUS(avatar_->evaluate(inputs.pose, view ? &inputs.camera : nullptr, canonical_));
         ARS_TRY_STATUS(checkSurfels(canonical_));
         canonicalVersion_ = ++version_;
         evaluatedPose_ = inputs.pose;
-        evaluatedCamera_ = target().cameraVersion;
+        evaluatedView_ = view ? std::optional<Camera>(inputs.camera) : std::nullopt;
         return {};
     });
 }
 
+/// The radiance colours at hand are those of this view. Its field and size do not matter: a zoom, or a draft at another
+/// size, evaluates nothing.
+bool FramePipeline::colorsFit(const Camera& camera) const {
+    if (!avatar_->colorsDependOnView()) return true;
+    return evaluatedView_ && evaluatedView_->rotation == camera.rotation &&
+           evaluatedView_->translation == camera.translation;
+}
+
 bool FramePipeline::canonicalFresh() const {
     return canonicalVersion_ != 0 && avatar_->sameSurfels(evaluatedPose_, pose_) &&
-           (!avatar_->colorsDependOnView() || evaluatedCamera_ == target().cameraVersion);
+           (!target().radiance || colorsFit(target().inputs.camera));
 }
 
 Status FramePipeline::poseStage(const FrameInputs& inputs) {

@@ -14,6 +14,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -104,8 +105,11 @@ public:
     Result<std::vector<glm::vec3>> surfelMeans() const;
     /// World matrix of every joint (J).
     std::vector<glm::mat4> jointWorld() const;
-    /// The canonical surfels are those of the frame's pose and view; false in drafts that kept older ones.
+    /// The canonical surfels are those of the frame's pose and, where its buffers show radiance, of its view; false in
+    /// drafts that kept older ones.
     bool canonicalFresh() const;
+    /// The last evaluation was for another view alone: it says nothing about what another pose costs.
+    bool evaluatedViewAlone() const { return evaluatedViewAlone_; }
 
     bool occlusionComplete() const { return target().occlusionComplete; }
     float occlusionShare() const { return target().occlusionShare; }
@@ -144,6 +148,7 @@ private:
         float occlusionShare = 1.0f;
         PixelBuffer occlusion, beauty, diffuse, specular;
         bool shadedParts = false; ///< diffuse and specular belong to the last shading
+        bool radiance = false;    ///< was among the wanted buffers of the last frame
     };
     /// What differs from the frame before.
     struct Changes {
@@ -156,7 +161,8 @@ private:
     const Target& target() const { return targets_[static_cast<std::size_t>(current_)]; }
     Changes changes(const FrameInputs& inputs, const Target& target) const;
     void adopt(const FrameInputs& inputs, const Changes& changes);
-    Status evaluate(const FrameInputs& inputs);
+    Status evaluate(const FrameInputs& inputs, bool radiance);
+    bool colorsFit(const Camera& camera) const;
     Status poseStage(const FrameInputs& inputs);
     Status poseOnHost(const FrameInputs& inputs, bool radiiOnly);
     Status poseOnDevice(const FrameInputs& inputs, bool newSurfels);
@@ -174,11 +180,12 @@ private:
     std::uint64_t version_ = 0; ///< the last one given out
     std::uint64_t poseVersion_ = 0, radiiVersion_ = 0, lightVersion_ = 0;
     std::uint64_t canonicalVersion_ = 0, liveVersion_ = 0;
-    std::uint64_t evaluatedCamera_ = 0;
     std::uint64_t posedCanonical_ = 0, posedPose_ = 0, posedRadii_ = 0;
 
-    Pose evaluatedPose_; ///< that canonical_ belongs to
-    Pose pose_;          ///< of the last frame, as the next two
+    Pose evaluatedPose_;                  ///< that canonical_ belongs to
+    std::optional<Camera> evaluatedView_; ///< that its colours belong to; none: nobody wanted to see them
+    bool evaluatedViewAlone_ = false;
+    Pose pose_; ///< of the last frame, as the next two
     PoseSurfelsParams posing_;
     PartRadii radii_{};
     Surfels canonical_;

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <tuple>
 #include <vector>
 
 namespace ars::cpu {
@@ -235,6 +236,41 @@ void filterDiffuse(const FilterArguments& arguments) {
     });
 }
 
+namespace {
+
+/// 1 / sum of weights of every texel of a level. It depends on side and lobe alone: training asks for the same few
+/// again and again, and summing them takes as long as the adjoint itself.
+std::shared_ptr<const std::vector<float>> inverseWeights(const FilterArguments& arguments) {
+    using Key = std::tuple<int, TexelArea, float, float>;
+    static std::mutex mutex;
+    static std::map<Key, std::shared_ptr<const std::vector<float>>> known;
+    const Key key{arguments.source.width, arguments.area, arguments.alphaSquared, arguments.cutoffCosine};
+    {
+        const std::lock_guard<std::mutex> lock(mutex);
+        const auto found = known.find(key);
+        if (found != known.end()) return found->second;
+    }
+    const int size = arguments.source.width;
+    const float cosine = arguments.cutoffCosine, sine = std::sqrt(1.0f - cosine * cosine);
+    const lanes::SpecularSum sumSpans = filterFunctions(cosine, size).specular;
+    const std::vector<float> black(arguments.source.valueCount(), 0.0f);
+    const LevelPlanes level = makePlanes({black.data(), size, 6 * size, 3}, arguments.area);
+    std::vector<float> sums(arguments.source.valueCount());
+    FilterArguments summing = arguments;
+    summing.target = {sums.data(), size, 6 * size, 3};
+    forEveryTexel(summing, cosine, sine, [&](float* texel, const lanes::Span* spans, int count) {
+        float sum[4];
+        sumSpans(level.planes, spans, count, arguments.alphaSquared, cosine, sum);
+        texel[0] = sum[3] > 0.0f ? 1.0f / sum[3] : 0.0f;
+    });
+    auto inverse = std::make_shared<std::vector<float>>(arguments.source.pixelCount());
+    for (std::size_t i = 0; i < inverse->size(); ++i) (*inverse)[i] = sums[3 * i];
+    const std::lock_guard<std::mutex> lock(mutex);
+    return known[key] = std::move(inverse);
+}
+
+} // namespace
+
 // Both weights are symmetric in the two directions but for the solid angle, which is that of the texel that was
 // filtered: the adjoint is the same sum over the level's gradient (divided by the sum of its weights), times that solid
 // angle.
@@ -244,17 +280,13 @@ void filterSpecularAdjoint(const FilterArguments& arguments) {
     const int size = gradient.width;
     const float cosine = arguments.cutoffCosine, sine = std::sqrt(1.0f - cosine * cosine);
     const lanes::SpecularSum sumSpans = filterFunctions(cosine, size).specular;
+    const std::shared_ptr<const std::vector<float>> scales = inverseWeights(arguments);
     std::vector<float> divided(gradient.valueCount());
-    FilterArguments first = arguments;
-    first.target = {divided.data(), size, 6 * size, 3};
-    const LevelPlanes weighted = makePlanes(gradient, arguments.area);
-    forEveryTexel(first, cosine, sine, [&](float* texel, const lanes::Span* spans, int count) {
-        float sum[4];
-        sumSpans(weighted.planes, spans, count, arguments.alphaSquared, cosine, sum);
-        const float scale = sum[3] > 0.0f ? 1.0f / sum[3] : 0.0f;
-        const float* from = gradient.data + (texel - divided.data());
-        for (int c = 0; c < 3; ++c) texel[c] = from[c] * scale;
-    });
+    for (std::size_t texel = 0; texel < scales->size(); ++texel) {
+        const float* from = gradient.data + 3 * texel;
+        const float scale = (*scales)[texel];
+        for (std::size_t c = 0; c < 3; ++c) divided[3 * texel + c] = from[c] * scale;
+    }
     const LevelPlanes level = makeUnweightedPlanes({divided.data(), size, 6 * size, 3}, arguments.area);
     const std::vector<float> angles = texelSolidAngles(size, arguments.area);
     forEveryTexel(arguments, cosine, sine, [&](float* texel, const lanes::Span* spans, int count) {

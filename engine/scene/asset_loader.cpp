@@ -30,17 +30,14 @@ ProgressFunction within(const ProgressFunction& progress, double begin, double e
 
 // ---- avatars
 
-/// What stands behind "rest:", or the error for what is no rest: avatar.
+/// What stands behind "rest:", or the error for what is no avatar's name.
 Result<std::string> restSourceName(const std::string& source) {
     constexpr std::string_view prefix = "rest:";
     if (source.starts_with(prefix) && source.size() > prefix.size()) return source.substr(prefix.size());
-    std::error_code ignored;
-    const bool folder = fs::is_directory(source, ignored);
-    return makeError(folder ? ErrorCode::Unsupported : ErrorCode::InvalidArgument, source,
-                     fmt::format("expected rest:open or rest:FILE (a body, a skinned glb, a mesh), found {}",
-                                 folder           ? "a folder"
-                                 : source.empty() ? "nothing"
-                                                  : "something else"));
+    return makeError(ErrorCode::InvalidArgument, source,
+                     fmt::format("expected rest:open, rest:FILE (a body, a skinned glb, a mesh) or the absolute path "
+                                 "of a trained avatar, found {}",
+                                 source.empty() ? "nothing" : "something else"));
 }
 
 std::shared_ptr<const AvatarAsset> avatarAsset(std::string key, std::unique_ptr<RestAvatar> avatar, bool coarse) {
@@ -55,6 +52,22 @@ std::shared_ptr<const AvatarAsset> avatarAsset(std::string key, std::unique_ptr<
     for (const std::string& note : avatar->mesh().notes) asset->notes.push_back(note);
     asset->evaluator = std::move(avatar);
     return asset;
+}
+
+/// A trained avatar: its networks are the loader's affair, its body's proportions are fixed.
+Result<std::shared_ptr<const AvatarAsset>> trainedAsset(const AvatarSection& avatar, const ProgressFunction& progress) {
+    ARS_TRY_STATUS(reportProgress(progress, 0.0, "reading the networks"));
+    ARS_TRY(OpenedTrainedAvatar opened, openTrainedAvatar(avatar.source));
+    ARS_TRY_STATUS(reportProgress(progress, 1.0, "reading the networks"));
+    auto asset = std::make_shared<AvatarAsset>();
+    asset->key = avatarKey(avatar);
+    asset->restBounds = boundsOf(opened.evaluator->mesh().mesh.positions);
+    asset->soleHeightM = asset->restBounds.low.y;
+    asset->notes = opened.evaluator->mesh().notes;
+    asset->trained = AvatarAsset::Trained{opened.radii, opened.splat, opened.light.has_value(),
+                                          std::move(opened.preset), std::move(opened.origin)};
+    asset->evaluator = std::move(opened.evaluator);
+    return std::shared_ptr<const AvatarAsset>(std::move(asset));
 }
 
 bool worthAForerunner(const RestAvatarOptions& options) {
@@ -82,7 +95,7 @@ Result<Environment> environmentOf(const LightSection& light, LightQuality qualit
     const int most = quality == LightQuality::Draft ? kDraftLightWidth : kMaxEnvironmentWidth;
     switch (light.kind) {
     case LightKind::File:
-        return readEnvironment(light.file);
+        return looksLikeTrainedAvatar(light.file) ? trainedAvatarLight(light.file) : readEnvironment(light.file);
     case LightKind::Sky: {
         SkyParams params = light.sky;
         params.width = std::min(params.width, most);
@@ -148,6 +161,7 @@ loadAvatarAsset(const AvatarSection& avatar, const std::shared_ptr<const AvatarA
     if (relative && !relative->shapeNames.empty() && sameButShape(avatar, *relative)) {
         return reshapedAvatar(avatar, relative);
     }
+    if (namesTrainedAvatar(avatar.source)) return trainedAsset(avatar, progress);
     ARS_TRY(const std::string name, restSourceName(avatar.source));
     ARS_TRY_STATUS(reportProgress(progress, 0.0, "reading the body"));
     ARS_TRY(RestInput source, readRestInput(name, within(progress, 0.0, 0.5)));

@@ -18,6 +18,7 @@ std::string avatarBaseKey(const AvatarSection& avatar) {
 } // namespace
 
 std::string avatarKey(const AvatarSection& avatar) {
+    if (namesTrainedAvatar(avatar.source)) return avatar.source; // neither sampling nor shape are its own to choose
     std::string key = avatarBaseKey(avatar);
     std::size_t count = avatar.betas.size();
     while (count > 0 && avatar.betas[count - 1] == 0.0f) --count; // missing coefficients are 0

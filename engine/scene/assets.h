@@ -8,6 +8,7 @@
 #include "engine/frame/light_source.h"
 #include "engine/rig/motion.h"
 #include "engine/scene/document.h"
+#include "engine/scene/trained_avatar.h"
 
 #include <filesystem>
 #include <functional>
@@ -31,6 +32,16 @@ struct AvatarAsset {
     float soleHeightM = 0.0f;                 ///< lowest y of the mesh in its rest pose
     bool coarse = false;                      ///< a forerunner with few surfels, shown until the avatar is there
     std::vector<std::string> notes;
+
+    /// What a trained avatar brings besides its surfels.
+    struct Trained {
+        PartRadii radii = initialPartRadii(); ///< learned, metres
+        SplatParams splat;                    ///< that it was trained with
+        bool hasLight = false;                ///< trainedAvatarLight has one
+        std::string preset;
+        std::string origin; ///< in words
+    };
+    std::optional<Trained> trained; ///< nothing for rest: avatars
 };
 
 struct LightAsset {
@@ -90,6 +101,8 @@ struct LightTarget {
 };
 
 /// Loads one thing, on the calling thread. Errors as the readers', with the path; Cancelled through progress.
+/// Avatars are "rest:open", "rest:FILE" (a body, a skinned glb, a mesh) or the path of a trained one
+/// (trained_avatar.h).
 Result<std::shared_ptr<const AvatarAsset>> loadAvatarAsset(const AvatarSection& avatar,
                                                            const ProgressFunction& progress = {});
 /// Drafts are smaller throughout: generated pictures of 256 pixels, a cube of at most 256.

@@ -23,10 +23,16 @@ Status hasShape(const Document&, const CommandContext& context) {
     return {};
 }
 
+/// The avatar's asset where it is loaded.
+const AvatarAsset* loadedAsset(const Document& document, const CommandContext& context) {
+    const AvatarAsset* asset = context.assets.avatar.get();
+    return asset && asset->key == avatarKey(document.avatar) ? asset : nullptr;
+}
+
 /// Bodies have their soles at different heights: one that is at hand already stands on the floor where it is opened.
 Status standOnFloor(Document& document, const CommandContext& context) {
     const TimelineSection& timeline = document.timeline;
-    const bool loaded = skeletonOf(context) && context.assets.avatar->key == avatarKey(document.avatar);
+    const bool loaded = skeletonOf(context) && loadedAsset(document, context);
     if (!loaded || !timeline.clip.empty() || !timeline.root.empty()) return {};
     Pose pose = currentPose(document, context);
     ARS_TRY_STATUS(placeOnFloor(context, pose));
@@ -34,13 +40,34 @@ Status standOnFloor(Document& document, const CommandContext& context) {
     return {};
 }
 
+/// Radii and kernel come with a trained avatar and go with it. Locked radii stay; of those that a rest: avatar finds,
+/// the ones that were changed by hand.
+void adoptLearned(Document& document, const AvatarAsset* asset, bool wasTrained) {
+    OcclusionSection& occlusion = document.occlusion;
+    const bool trained = asset && asset->trained;
+    if (!trained && !wasTrained) return;
+    const PartRadii radii = trained ? asset->trained->radii : initialPartRadii();
+    for (std::size_t p = 0; p < radii.size(); ++p) {
+        const bool untouched = trained || occlusion.radii[p] == occlusion.initial[p];
+        if (untouched && !occlusion.locked[p]) occlusion.radii[p] = radii[p];
+    }
+    occlusion.initial = radii;
+    occlusion.splat = trained ? asset->trained->splat : OcclusionSection().splat;
+}
+
 Status openAvatar(Document& document, const Arguments& arguments, CommandContext& context) {
     const std::string source = textOf(arguments, "source");
     ARS_TRY_STATUS(checkSource(source));
-    if (document.avatar.source == source) return {};
+    const bool wasTrained = namesTrainedAvatar(document.avatar.source);
+    if (document.avatar.source == source) {
+        // Read anew, a run may have a newer checkpoint with other radii.
+        if (wasTrained) adoptLearned(document, loadedAsset(document, context), wasTrained);
+        return {};
+    }
     document.avatar.source = source;
     document.avatar.betas.clear(); // coefficients mean something else on another body
     document.view.selectedJoint = -1;
+    adoptLearned(document, loadedAsset(document, context), wasTrained);
     return standOnFloor(document, context);
 }
 
@@ -100,9 +127,10 @@ std::vector<Command> avatarCommands() {
         {.id = "avatar.open",
          .label = "Open avatar",
          .group = CommandGroup::Avatar,
-         .help = "Shows another avatar, standing on the floor; pose, light and camera stay.",
+         .help = "Shows another avatar, standing on the floor; pose, light and camera stay. A trained one brings its "
+                 "learned radii and its splatting with it.",
          .arguments = {text("source", "rest:open for the open body, rest:/FILE for surfels of a skinned mesh, or the "
-                                      "folder of an avatar.")},
+                                      "path of a trained avatar, a run or a checkpoint.")},
          .apply = openAvatar,
          .variants = {{"Open body", {{"source", "rest:open"}}, ""}}},
         {.id = "avatar.shape",

@@ -7,7 +7,9 @@ namespace {
 
 /// The file of a comparison is a picture's or an avatar's; its form tells.
 bool namesAvatar(const std::string& file) {
-    return file.rfind("rest:", 0) == 0 || std::filesystem::path(file).extension() == ".avatar";
+    if (file.rfind("rest:", 0) == 0 || std::filesystem::path(file).extension() == ".avatar") return true;
+    std::error_code ignored;
+    return std::filesystem::is_directory(file, ignored); // pictures are files
 }
 
 Status setKind(Document& document, const Arguments& arguments, CommandContext&) {
@@ -41,10 +43,11 @@ Status compareAvatar(Document& document, const Arguments& arguments, CommandCont
     const std::string file = source.rfind("rest:", 0) == 0 ? source.substr(5) : source;
     const bool sound = source == "rest:open" || (std::filesystem::path(file).is_absolute() && namesAvatar(source));
     if (!sound) {
-        return makeError(ErrorCode::InvalidArgument, "source",
-                         fmt::format("expected rest:open, rest:/FILE or the absolute path of a .avatar folder, found "
-                                     "\"{}\"",
-                                     source));
+        return makeError(
+            ErrorCode::InvalidArgument, "source",
+            fmt::format("expected rest:open, rest:/FILE or the absolute path of a trained avatar's folder, "
+                        "found \"{}\"",
+                        source));
     }
     document.view.compare.file = source;
     document.view.compare.layer.clear();

@@ -29,9 +29,11 @@ namespace ars {
 
 /// Whose body, and how its surfels are made.
 struct AvatarSection {
-    std::string source = "rest:open"; ///< "rest:open", "rest:FILE" or an avatar folder; absolute path
-    RestAvatarOptions rest;           ///< of rest: avatars
-    std::vector<float> betas;         ///< shape coefficients of bodies that have them; missing ones are 0
+    /// "rest:open", "rest:FILE", or a trained avatar: NAME.avatar, a run (its newest checkpoint), a checkpoint.
+    /// Absolute.
+    std::string source = "rest:open";
+    RestAvatarOptions rest;   ///< of rest: avatars
+    std::vector<float> betas; ///< shape coefficients of bodies that have them; missing ones are 0
 
     bool operator==(const AvatarSection&) const = default;
 };
@@ -139,7 +141,9 @@ struct EnumWords<BackdropKind> {
 
 struct LightSection {
     LightKind kind = LightKind::Studio;
-    std::string file; ///< of kind File, absolute path; kept while a generator is used
+    /// Of kind File, absolute path: a picture, a folder of six faces, or a trained avatar, whose learned light it then
+    /// is; kept while a generator is used.
+    std::string file;
     SkyParams sky;
     StudioParams studio = studioPreset(StudioPreset::ThreePoint);
     float uniformRadiance = 0.5f;

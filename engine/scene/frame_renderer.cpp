@@ -87,6 +87,16 @@ void DraftCosts::measured(int stage, double work, double milliseconds) {
     known = known < 0.0 ? now : known + 0.4 * (now - known);
 }
 
+void EvaluationTimes::measured(double milliseconds) {
+    last_[static_cast<std::size_t>(next_)] = milliseconds;
+    next_ = (next_ + 1) % static_cast<int>(last_.size());
+}
+
+bool EvaluationTimes::quick(double milliseconds) const {
+    const double slowest = *std::max_element(last_.begin(), last_.end());
+    return slowest >= 0.0 && slowest <= milliseconds;
+}
+
 int chooseDraftLevel(const std::array<double, kDraftLevelCount>& milliseconds, int current) {
     if (milliseconds.front() < 0.0) return kFirstDraftLevel;
     for (int level = 0; level < kDraftLevelCount - 1; ++level) {
@@ -108,6 +118,7 @@ Status FrameRenderer::prepare(const FrameRequest& request) {
     if (request.avatar != avatar_) {
         pipeline_.reset(); // first, so that both are never in memory together
         avatar_.reset();
+        evaluations_ = {};
         copies_ = {};
         parts_ = {};
         partPicture_ = PartPicture();
@@ -139,8 +150,7 @@ FrameInputs FrameRenderer::draftInputs(const FrameInputs& full, int level) const
     const DraftLevel& draft = draftLevels()[static_cast<std::size_t>(level)];
     FrameInputs inputs = full;
     // Networks that are quick enough follow every pose; the others wait for rest.
-    const int evaluation = static_cast<int>(FrameStage::Evaluate);
-    inputs.keepCanonical = !costs_.known(evaluation) || costs_.foretold(evaluation, 1.0) > kQuickEvaluationMs;
+    inputs.keepCanonical = !evaluations_.quick(kQuickEvaluationMs);
     inputs.keepVisibility = true;
     inputs.refineOcclusion = false;
     if (level == 0) {
@@ -187,7 +197,10 @@ Status FrameRenderer::render(const FrameInputs& inputs, const std::vector<Buffer
     for (const StageReport& report : pipeline_->stages()) {
         // A refining pass takes another number of directions than a draft would.
         const bool refined = report.stage == FrameStage::Occlude && inputs.refineOcclusion;
-        if (report.ran && !refined)
+        const bool viewAlone = report.stage == FrameStage::Evaluate && pipeline_->evaluatedViewAlone();
+        if (report.ran && report.stage == FrameStage::Evaluate && !viewAlone)
+            evaluations_.measured(report.milliseconds);
+        if (report.ran && !refined && !viewAlone)
             costs_.measured(static_cast<int>(report.stage), stageWork(report.stage, inputs), report.milliseconds);
         if (report.ran && refined) adaptSlices(report.milliseconds);
     }

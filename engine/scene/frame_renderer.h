@@ -37,6 +37,19 @@ private:
     std::array<double, kCount> perWork_{-1, -1, -1, -1, -1, -1, -1};
 };
 
+/// How long an avatar's last evaluations took. The slowest of a few counts: a turned finger may cost its networks
+/// nothing and the next elbow all, and what only the first run of a network costs is soon forgotten.
+class EvaluationTimes {
+public:
+    void measured(double milliseconds);
+    /// Whether there were some and none took longer.
+    bool quick(double milliseconds) const;
+
+private:
+    std::array<double, 4> last_{-1, -1, -1, -1};
+    int next_ = 0;
+};
+
 /// The finest level whose foretold time fits, with hysteresis: changing to a finer one asks for room to spare, so that
 /// the size does not flicker.
 /// @param milliseconds  foretold, of each level; negative where unknown
@@ -81,6 +94,7 @@ private:
     std::vector<BufferId> wanted_; ///< of the request, as far as they can be rendered
     int level_ = kFirstDraftLevel;
     DraftCosts costs_;
+    EvaluationTimes evaluations_; ///< of avatar_, for other poses
     bool complete_ = false;
     double bands_ = 1.0;          ///< of refining passes
     std::uint64_t advancing_ = 0; ///< number of the request that advance() works on

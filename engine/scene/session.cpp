@@ -58,6 +58,11 @@ const Editor& Session::editor() const { return state_->editor; }
 const SceneAssets& Session::assets() const { return state_->store.assets(); }
 
 Status Session::State::run(std::string_view id, const Arguments& arguments, std::string_view gesture) {
+    if (opensBeside(id, arguments)) {
+        const std::string source = arguments.at("source");
+        openAvatar(source, source);
+        return {};
+    }
     CommandContext commandContext = context(timeS());
     const std::uint64_t before = editor.version();
     Status status = editor.run(id, arguments, commandContext, gesture);
@@ -135,6 +140,8 @@ void Session::save(const std::filesystem::path& given) {
 
 const std::filesystem::path& Session::projectPath() const { return state_->projectPath; }
 RecentFiles& Session::recentFiles() { return state_->recentFiles; }
+const std::filesystem::path& Session::trainingRun() const { return state_->trainingRun; }
+std::uint64_t Session::trainingRunsOpened() const { return state_->trainingRunsOpened; }
 std::vector<Recovery> Session::recoveries() const { return state_->recoveries; }
 
 // ---- jobs
@@ -197,6 +204,7 @@ std::uint64_t Session::video(const VideoOptions& options) {
 }
 
 std::vector<Notice> Session::takeNotices() { return std::exchange(state_->notices, {}); }
+std::function<void()> Session::waker() const { return state_->options.wake; }
 void Session::notify(Notice notice) { state_->notify(std::move(notice)); }
 
 // ---- time

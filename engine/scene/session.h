@@ -45,7 +45,8 @@ struct Notice {
 };
 
 /// What `open` makes of a file.
-enum class FileRole { Project, Avatar, Light, Clip, PoseFile, Capture, ComparePicture, PictureOfOurs };
+/// A training run is followed (trainingRun), and its newest checkpoint opened as an avatar.
+enum class FileRole { Project, Avatar, Light, Clip, PoseFile, Capture, ComparePicture, PictureOfOurs, Run };
 
 /// Plays the timeline. Not part of the document: where it stops is (timeline.seek).
 struct Transport {
@@ -91,6 +92,9 @@ public:
     void save(const std::filesystem::path& path);
     const std::filesystem::path& projectPath() const; ///< empty: never saved
     RecentFiles& recentFiles();
+    /// The run folder that was opened last, for whoever shows it; empty: none. The count goes up with every opening.
+    const std::filesystem::path& trainingRun() const;
+    std::uint64_t trainingRunsOpened() const;
     std::vector<Recovery> recoveries() const; ///< found when the session began
 
     // --- jobs
@@ -104,6 +108,8 @@ public:
                         std::function<void(const Status&)> done = {}, bool quiet = false);
     std::vector<Notice> takeNotices();
     void notify(Notice notice);
+    /// What brings update() about, for work on threads of panels' own; callable on any thread.
+    std::function<void()> waker() const;
 
     // --- frames
     /// Size of the picture in pixels, and what is to be seen besides the document's own buffer.

@@ -1,4 +1,5 @@
 #include "engine/core/file.h"
+#include "engine/scene/run_folder.h"
 #include "engine/scene/session_state.h"
 
 #include <fmt/format.h>
@@ -17,9 +18,11 @@ fs::path calibrationOf(const fs::path& path) {
     return path.extension() == ".json" ? path : path / "calibration_full.json";
 }
 
-/// Folders of avatars are called NAME.avatar; everything else gives a rest: avatar.
+/// Trained avatars are folders; files give a rest: avatar.
 std::string avatarSourceOf(const fs::path& path) {
-    return path.extension() == ".avatar" ? path.string() : "rest:" + path.string();
+    std::error_code ignored;
+    const bool trained = path.extension() == ".avatar" || fs::is_directory(path, ignored);
+    return trained ? path.string() : "rest:" + path.string();
 }
 
 } // namespace
@@ -74,16 +77,10 @@ void Session::State::openAs(const fs::path& path, FileRole role) {
         return openProject(path, role);
     case FileRole::PoseFile:
         return openPose(path);
-    case FileRole::Avatar: {
-        AvatarSection avatar = document.avatar;
-        avatar.source = avatarSourceOf(path);
-        avatar.betas.clear(); // another person's
-        return store.openAvatar(avatar, opening(path, [this, path, source = avatar.source]() -> Status {
-                                    ARS_TRY_STATUS(run("avatar.open", {{"source", source}}));
-                                    tell(path, store.assets().avatar->notes);
-                                    return {};
-                                }));
-    }
+    case FileRole::Avatar:
+        return openAvatar(path, avatarSourceOf(path));
+    case FileRole::Run:
+        return openRun(path);
     case FileRole::Light: {
         LightSection light = document.light;
         light.kind = LightKind::File;
@@ -108,6 +105,62 @@ void Session::State::openAs(const fs::path& path, FileRole role) {
     case FileRole::ComparePicture:
         return store.openPicture(file, "", opening(path, [this, file] { return enterComparison(file); }));
     }
+}
+
+void Session::State::openAvatar(const fs::path& path, const std::string& source) {
+    AvatarSection avatar = editor.document().avatar;
+    avatar.source = source;
+    avatar.betas.clear(); // another person's
+    store.openAvatar(avatar, opening(path, [this, path, source]() -> Status {
+                         ARS_TRY_STATUS(enterAvatar(source));
+                         tell(path, store.assets().avatar->notes);
+                         return {};
+                     }));
+}
+
+Status Session::State::enterAvatar(const std::string& source) {
+    const std::optional<AvatarAsset::Trained>& trained = store.assets().avatar->trained;
+    // The three lamps of a new project are nobody's choice yet.
+    const bool untouched =
+        !editor.canUndo() && !editor.canRedo() && projectPath.empty() && editor.document().light == newDocument().light;
+    const std::string gesture = "open " + source;
+    Status status = run("avatar.open", {{"source", source}}, gesture);
+    if (status && untouched && trained && trained->hasLight) {
+        status = run("light.open", {{"file", source}}, gesture);
+    }
+    if (!status) editor.cancelGesture();
+    endOfGesture();
+    return status;
+}
+
+bool Session::State::opensBeside(std::string_view command, const Arguments& arguments) const {
+    if (command != "avatar.open" || !arguments.is_object() || arguments.size() != 1) return false;
+    const auto found = arguments.find("source");
+    if (found == arguments.end() || !found->is_string()) return false;
+    const std::string source = *found;
+    const auto& avatar = store.assets().avatar;
+    return namesTrainedAvatar(source) && !(avatar && avatar->key == source);
+}
+
+void Session::State::openRun(const fs::path& path) {
+    trainingRun = path;
+    ++trainingRunsOpened;
+    auto checkpoints = std::make_shared<std::size_t>(0);
+    JobRequest job;
+    job.title = titleOf(path);
+    job.work = [path, checkpoints](const ProgressFunction&) -> Status {
+        ARS_TRY(const std::vector<CheckpointEntry> found, listCheckpoints(path));
+        *checkpoints = found.size();
+        return {};
+    };
+    job.done = [this, path, checkpoints](const Status& status) {
+        if (!status) return notify(failureNotice(failureOf(path), status.error()));
+        if (*checkpoints > 0) return openAvatar(path, path.string());
+        remember(path);
+        notify({Notice::Kind::Note, shortName(path.string()),
+                "This run has no complete checkpoint yet; the Training panel follows it.", ""});
+    };
+    jobs->start(std::move(job));
 }
 
 void Session::State::endOfGesture() {

@@ -4,6 +4,7 @@
 #include "engine/io/exr.h"
 #include "engine/io/file_recognition.h"
 #include "engine/io/npz.h"
+#include "engine/scene/run_folder.h"
 #include "engine/scene/session.h"
 
 #include <fmt/format.h>
@@ -44,14 +45,15 @@ Result<Json> parseJson(const fs::path& path, std::string_view text) {
 Result<FileRole> roleOfFolder(const fs::path& path) {
     std::error_code ignored;
     if (fs::exists(path / "calibration_full.json", ignored)) return FileRole::Capture;
-    if (fs::exists(path / "avatar.json", ignored)) return FileRole::Avatar;
+    if (looksLikeTrainedAvatar(path)) return looksLikeRunFolder(path) ? FileRole::Run : FileRole::Avatar;
     static const std::set<std::string> kFaces{"px", "posx", "nx", "negx", "py", "posy",
                                               "ny", "negy", "pz", "posz", "nz", "negz"};
     for (fs::directory_iterator i(path, ignored), end; !ignored && i != end; i.increment(ignored)) {
         if (kFaces.count(i->path().stem().string()) > 0) return FileRole::Light; // its reader names a missing face
     }
     return unsupported(path, "expected a capture (calibration_full.json), six faces of a light (px, nx, py, ny, pz, "
-                             "nz) or an avatar (avatar.json), found a folder with none of them");
+                             "nz), a trained avatar (avatar.json) or a training run (config.json and status.json), "
+                             "found a folder with none of them");
 }
 
 Result<FileRole> roleOfNpz(const fs::path& path) {

@@ -27,6 +27,8 @@ struct Session::State {
     Editor editor;
     Clipboard clipboard;
     std::filesystem::path projectPath;
+    std::filesystem::path trainingRun;
+    std::uint64_t trainingRunsOpened = 0;
     std::vector<Notice> notices;
 
     std::unique_ptr<JobRunner> jobs;
@@ -65,6 +67,11 @@ struct Session::State {
     void openAs(const std::filesystem::path& path, FileRole role);
     void openProject(const std::filesystem::path& path, FileRole role);
     void openPose(const std::filesystem::path& path);
+    void openAvatar(const std::filesystem::path& path, const std::string& source);
+    void openRun(const std::filesystem::path& path);
+    Status enterAvatar(const std::string& source);
+    /// A trained avatar that is not there yet is loaded first, so that what it learned comes into the document with it.
+    bool opensBeside(std::string_view command, const Arguments& arguments) const;
     void endOfGesture();
     void remember(const std::filesystem::path& path); ///< among the recent files
     void tell(const std::filesystem::path& path, const std::vector<std::string>& notes);

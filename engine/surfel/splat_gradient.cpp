@@ -12,6 +12,17 @@ namespace ars {
 namespace {
 
 using Row = ProjectedSurfel<float>;
+using Entry = SplatGradientWorkspace::Entry;
+
+/// Four numbers at once; features are padded to a multiple of that. The compilers' own vectors: any processor.
+using Four = float __attribute__((vector_size(16)));
+constexpr std::size_t kFour = 4;
+
+Four loadFour(const float* from) {
+    Four four;
+    std::memcpy(&four, from, sizeof four);
+    return four;
+}
 
 /// Everything of one call.
 struct Job {
@@ -19,7 +30,8 @@ struct Job {
     SurfelView surfels;
     FeatureLayout layout;
     bool detached[cpu::kMaxFeatureChannels] = {};
-    glm::mat3 rotation; ///< world to camera
+    bool anyUnit = false; ///< a channel of unit length is among them
+    glm::mat3 rotation;   ///< world to camera
     PointMap points;
     const GBuffer* forward = nullptr;
     const GBufferGradients* gradients = nullptr;
@@ -116,42 +128,35 @@ void pixelSums(const Job& job, std::size_t pixel, float opacity, const float* le
     }
 }
 
-/// Thread-local lists of one pixel's contributors.
-struct PixelScratch {
-    std::vector<float> log2Alpha, transmittance;
-};
-
-template <SurfelKernel Kernel, DepthMode Depth>
-void backwardPixel(const Job& job, std::size_t pixel, PixelScratch& scratch) {
-    const std::size_t begin = job.starts[pixel], end = job.starts[pixel + 1], count = end - begin;
-    float* g = job.memory->pixelGradients.data() + pixel * job.pixelStride();
-    if (count == 0) return;
-    const float x = static_cast<float>(pixel % static_cast<std::size_t>(job.width())) + 0.5f;
-    const float y = static_cast<float>(pixel / static_cast<std::size_t>(job.width())) + 0.5f;
-    if (scratch.log2Alpha.size() < count) {
-        scratch.log2Alpha.resize(count);
-        scratch.transmittance.resize(count);
-    }
+/// |sum| of the unit channels of a pixel, by source; the others stay as they are.
+void unitLengths(const Job& job, std::size_t begin, std::size_t end, float* lengths) {
+    if (!job.anyUnit) return;
     float sums[cpu::kMaxFeatureChannels][3] = {};
-    float transmittance = 1.0f;
-    for (std::size_t k = 0; k < count; ++k) {
-        const std::uint32_t surfel = job.listed[begin + k];
-        const Row& row = job.rows[surfel];
-        const float log2Alpha = log2AlphaAt<Kernel>(row, x - row.u, y - row.v);
-        scratch.log2Alpha[k] = log2Alpha;
-        scratch.transmittance[k] = transmittance;
-        const float* features = job.memory->features.data() + surfel * job.stride();
-        const float weight = job.weights[begin + k];
+    for (std::size_t e = begin; e < end; ++e) {
+        const float* features = job.memory->features.data() + job.listed[e] * job.stride();
         for (int i = 0; i < job.layout.count; ++i) {
             if (!job.layout.sources[i].unit) continue;
-            for (int c = 0; c < 3; ++c) sums[i][c] += weight * features[job.layout.sources[i].offset + c];
+            for (int c = 0; c < 3; ++c) sums[i][c] += job.weights[e] * features[job.layout.sources[i].offset + c];
         }
-        transmittance -= weight;
     }
-    float lengths[cpu::kMaxFeatureChannels];
     for (int i = 0; i < job.layout.count; ++i) {
         lengths[i] = std::sqrt(sums[i][0] * sums[i][0] + sums[i][1] * sums[i][1] + sums[i][2] * sums[i][2]);
     }
+}
+
+float dotOf(const float* a, const float* b, std::size_t count) {
+    Four sum = {};
+    for (std::size_t c = 0; c < count; c += kFour) sum += loadFour(a + c) * loadFour(b + c);
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+template <SurfelKernel Kernel, DepthMode Depth>
+void backwardPixel(const Job& job, std::size_t pixel, std::vector<float>& transmittances) {
+    const std::size_t begin = job.starts[pixel], end = job.starts[pixel + 1], count = end - begin;
+    float* g = job.memory->pixelGradients.data() + pixel * job.pixelStride();
+    if (count == 0) return;
+    float lengths[cpu::kMaxFeatureChannels] = {};
+    unitLengths(job, begin, end, lengths);
     pixelSums(job, pixel, *job.picture(Channel::Opacity, pixel), lengths, g);
 
     // What reaches geometry: a copy without the detached channels.
@@ -161,26 +166,39 @@ void backwardPixel(const Job& job, std::size_t pixel, PixelScratch& scratch) {
         const FeatureSource& source = job.layout.sources[i];
         if (job.detached[i]) std::fill(attached + source.offset, attached + source.offset + source.width, 0.0f);
     }
+    const auto width = static_cast<std::size_t>(job.width());
+    const float x = static_cast<float>(pixel % width) + 0.5f, y = static_cast<float>(pixel / width) + 0.5f;
     const float gDepth = g[job.stride()], gOpacity = g[job.stride() + 1];
+    const float* weights = job.weights + begin;
+    if (transmittances.size() < count) transmittances.resize(count);
+    float transmittance = 1.0f;
+    for (std::size_t k = 0; k < count; ++k) {
+        transmittances[k] = transmittance;
+        transmittance -= weights[k];
+    }
     float suffix = 0.0f;
     for (std::size_t k = count; k-- > 0;) {
         const std::uint32_t surfel = job.listed[begin + k];
-        const Row& row = job.rows[surfel];
-        const float* features = job.memory->features.data() + surfel * job.stride();
         float h = gOpacity;
-        for (std::size_t c = 0; c < job.stride(); ++c) h += attached[c] * features[c];
-        if (gDepth != 0.0f) h += gDepth * depthAt<Kernel, Depth>(row, x - row.u, y - row.v);
-        job.memory->alphaGradients[begin + k] =
-            blendBackward(scratch.log2Alpha[k], scratch.transmittance[k], h, suffix);
-        suffix += job.weights[begin + k] * h;
+        h += dotOf(attached, job.memory->features.data() + surfel * job.stride(), job.stride());
+        if (gDepth != 0.0f) {
+            const Row& row = job.rows[surfel];
+            h += gDepth * depthAt<Kernel, Depth>(row, x - row.u, y - row.v);
+        }
+        // The forward pass took the same product and the same differences: alpha is the quotient up to its rounding,
+        // and a clamped one is met exactly.
+        const bool clamped = weights[k] >= transmittances[k] * static_cast<float>(kMaxAlpha);
+        const float alpha = weights[k] / transmittances[k];
+        job.memory->alphaGradients[begin + k] = clamped ? 0.0f : alphaBackward(alpha, weights[k], h, suffix);
+        suffix += weights[k] * h;
     }
 }
 
 template <SurfelKernel Kernel, DepthMode Depth>
 void backwardPixels(const Job& job) {
     parallelRanges(job.pixels, 512, [&](std::size_t begin, std::size_t end) {
-        PixelScratch scratch;
-        for (std::size_t pixel = begin; pixel < end; ++pixel) backwardPixel<Kernel, Depth>(job, pixel, scratch);
+        std::vector<float> transmittances;
+        for (std::size_t pixel = begin; pixel < end; ++pixel) backwardPixel<Kernel, Depth>(job, pixel, transmittances);
     });
 }
 
@@ -216,10 +234,12 @@ void transpose(const Job& job) {
     parallelFor(
         chunks,
         [&](std::size_t c) {
+            const auto width = static_cast<std::uint32_t>(job.width());
             range(c, [&](std::size_t p, std::size_t e) {
-                const std::uint32_t surfel = job.listed[e];
-                m.surfelEntries[m.surfelStarts[surfel] + m.counts[c * n + surfel]++] =
-                    static_cast<std::uint64_t>(p) << 32 | static_cast<std::uint64_t>(e);
+                const std::uint32_t surfel = job.listed[e], pixel = static_cast<std::uint32_t>(p);
+                m.surfelEntries[m.surfelStarts[surfel] + m.counts[c * n + surfel]++] = {
+                    static_cast<std::uint16_t>(pixel % width), static_cast<std::uint16_t>(pixel / width),
+                    m.alphaGradients[e], job.weights[e]};
             });
         },
         1);
@@ -250,24 +270,41 @@ float* target(SurfelGradients& out, Channel channel) {
     }
 }
 
+/// sum over a surfel's pixels of w dL/dSum, for Groups times four features: the sums stay in registers.
+template <std::size_t Groups>
+void sumFeatures(const Job& job, const Entry* begin, const Entry* end, float* features) {
+    const auto width = static_cast<std::size_t>(job.width());
+    Four sums[Groups] = {};
+    for (const Entry* e = begin; e != end; ++e) {
+        const float* g = job.memory->pixelGradients.data() + (e->y * width + e->x) * job.pixelStride();
+        for (std::size_t k = 0; k < Groups; ++k) sums[k] += e->weight * loadFour(g + kFour * k);
+    }
+    std::memcpy(features, sums, sizeof sums);
+}
+
+using FeatureSum = void (*)(const Job&, const Entry*, const Entry*, float*);
+constexpr FeatureSum kFeatureSums[] = {sumFeatures<1>, sumFeatures<2>, sumFeatures<3>, sumFeatures<4>, sumFeatures<5>};
+static_assert(cpu::kMaxFeatures == 5 * kFour);
+
 template <SurfelKernel Kernel, DepthMode Depth>
 void backwardSurfel(const Job& job, std::size_t surfel) {
     const SplatGradientWorkspace& m = *job.memory;
-    const std::uint64_t begin = m.surfelStarts[surfel], end = m.surfelStarts[surfel + 1];
+    const Entry* begin = m.surfelEntries.data() + m.surfelStarts[surfel];
+    const Entry* end = m.surfelEntries.data() + m.surfelStarts[surfel + 1];
     if (begin == end) return;
-    const Row& row = job.rows[surfel];
+    const Row row = job.rows[surfel];
+    const auto width = static_cast<std::size_t>(job.width());
+    const bool depth = job.has(Channel::Depth) || job.has(Channel::Position);
     ProjectedGradient<float> g;
-    float features[cpu::kMaxFeatures] = {};
-    for (std::uint64_t k = begin; k < end; ++k) {
-        const std::size_t pixel = m.surfelEntries[k] >> 32, entry = m.surfelEntries[k] & 0xffffffffu;
-        const float dx = static_cast<float>(pixel % static_cast<std::size_t>(job.width())) + 0.5f - row.u;
-        const float dy = static_cast<float>(pixel / static_cast<std::size_t>(job.width())) + 0.5f - row.v;
-        const float* atPixel = m.pixelGradients.data() + pixel * job.pixelStride();
-        const float weight = job.weights[entry];
-        log2AlphaBackward<Kernel>(row, dx, dy, m.alphaGradients[entry], g);
-        depthBackward<Kernel, Depth>(row, dx, dy, weight * atPixel[job.stride()], g);
-        for (std::size_t c = 0; c < job.stride(); ++c) features[c] += weight * atPixel[c];
+    for (const Entry* e = begin; e != end; ++e) {
+        const float dx = static_cast<float>(e->x) + 0.5f - row.u, dy = static_cast<float>(e->y) + 0.5f - row.v;
+        log2AlphaBackward<Kernel>(row, dx, dy, e->alphaGradient, g);
+        if (!depth) continue;
+        const float gDepth = m.pixelGradients[(e->y * width + e->x) * job.pixelStride() + job.stride()];
+        depthBackward<Kernel, Depth>(row, dx, dy, e->weight * gDepth, g);
     }
+    float features[cpu::kMaxFeatures] = {};
+    if (job.stride() > 0) kFeatureSums[job.stride() / kFour - 1](job, begin, end, features);
     glm::vec3 normal(0.0f);
     for (int i = 0; i < job.layout.count; ++i) {
         const FeatureSource& source = job.layout.sources[i];
@@ -338,7 +375,10 @@ Status splatBackward(const SplatParams& params, const SurfelView& surfels, const
     job.view = splatView(camera.as<float>(), params.kernel, params.twoSided, params.depth);
     job.surfels = surfels;
     job.layout = featureLayout(surfels, wanted);
-    for (int i = 0; i < job.layout.count; ++i) job.detached[i] = options.detached.has(job.layout.sources[i].channel);
+    for (int i = 0; i < job.layout.count; ++i) {
+        job.detached[i] = options.detached.has(job.layout.sources[i].channel);
+        job.anyUnit = job.anyUnit || job.layout.sources[i].unit;
+    }
     job.rotation = job.view.camera.rotation;
     job.points = pointMap(camera);
     job.forward = &forward;

@@ -49,12 +49,18 @@ struct SplatBackwardParams {
 
 /// Memory that is kept between steps; never used from two threads at once.
 struct SplatGradientWorkspace {
-    std::vector<unsigned char> rows;          ///< projected surfels
-    std::vector<float> features;              ///< (N, stride)
-    std::vector<float> pixelGradients;        ///< (pixels, stride + 2): dL/dSum of the features, of depth, of opacity
-    std::vector<float> alphaGradients;        ///< (entries) dL/dlog2Alpha
-    std::vector<std::uint64_t> surfelStarts;  ///< (N + 1)
-    std::vector<std::uint64_t> surfelEntries; ///< (entries) pixel << 32 | entry, by surfel, in the order of pixels
+    std::vector<unsigned char> rows;         ///< projected surfels
+    std::vector<float> features;             ///< (N, stride)
+    std::vector<float> pixelGradients;       ///< (pixels, stride + 2): dL/dSum of the features, of depth, of opacity
+    std::vector<float> alphaGradients;       ///< (entries) dL/dlog2Alpha
+    std::vector<std::uint64_t> surfelStarts; ///< (N + 1)
+    /// What one pair of a surfel and a pixel passes on.
+    struct Entry {
+        std::uint16_t x, y;  ///< pixel
+        float alphaGradient; ///< dL/dlog2Alpha
+        float weight;        ///< alpha T
+    };
+    std::vector<Entry> surfelEntries; ///< (entries) by surfel, in the order of pixels
     std::vector<std::uint32_t> counts;
 };
 

@@ -254,12 +254,18 @@ ARS_HD inline void projectSurfelBackward(const SplatView<T>& view, const Vec3<T>
 
 /// One pixel's chain from its blended sums to one surfel's alpha (reference 1.5, step 2, the scalar trick):
 /// dL/dalpha_i = T_i h_i - (sum_{j>i} w_j h_j) / (1 - alpha_i), with h_i = sum_k dL/dSum_k f_ik.
-/// @return dL/dlog2Alpha; 0 where alpha is clamped at 0.99
+/// @param weight  w = alpha T, alpha not clamped
+/// @return dL/dlog2Alpha
+template <typename T>
+ARS_HD inline T alphaBackward(T alpha, T weight, T h, T suffix) {
+    return (weight * h - suffix * alpha / (T(1) - alpha)) * T(kLn2);
+}
+
+/// The same from the logarithm; 0 where alpha is clamped at 0.99.
 template <typename T>
 ARS_HD inline T blendBackward(T log2Alpha, T transmittance, T h, T suffix) {
     const T alpha = exp2Of(log2Alpha);
-    if (alpha > T(kMaxAlpha)) return T(0);
-    return (transmittance * h - suffix / (T(1) - alpha)) * alpha * T(kLn2);
+    return alpha > T(kMaxAlpha) ? T(0) : alphaBackward(alpha, alpha * transmittance, h, suffix);
 }
 
 /// Backward of a channel's normalisation at a pixel: out = sum / opacity, or sum / |sum| where `unit`.

@@ -106,7 +106,16 @@ class Studio:
                     self.click_at(*self.middle(answer["items"]["//###Unsaved/Discard"]))
         code = self.process.wait(timeout=20)
         assert code == 0, f"the program ended with {code}"
-        self.timings_text = self.timings.read_text()
+        self.print_timings(json.loads(self.timings.read_text()))
+
+    def print_timings(self, timings):
+        """How long the window's frames took; said, not judged: the machine may be busy with other things."""
+        start, longest, share = timings["start_up"], timings["longest"], timings["percentiles_ms"]
+        stalls = sum(b["count"] for b in timings["histogram"] if b.get("below_ms", 1000) > 100)
+        print(f"first picture after {self.first_picture_s:.2f} s; start-up: {start['frames']} frames, longest "
+              f"{start['longest_ms']:.0f} ms; then {timings['frames']} frames: half below {share['50']:.1f} ms, 99 % below "
+              f"{share['99']:.1f} ms, longest {longest['total_ms']:.0f} ms ({longest['processor_ms']:.0f} ms of processor: "
+              f"widgets {longest['widgets_ms']:.0f} ms, drawing {longest['draw_ms']:.0f} ms)", flush=True)
 
     # --- looking
     def try_ask(self, items=(), document=False, timeout=20.0):

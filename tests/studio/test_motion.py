@@ -60,6 +60,7 @@ def main(pictures):
         time.sleep(11)
         studio.process.kill()
         studio.process.wait()
+        studio.print_timings(json.loads(studio.timings.read_text()))  # as of some seconds before
     except BaseException:
         studio.__exit__(*sys.exc_info())
         raise

@@ -62,9 +62,6 @@ def main(pictures):
         assert studio.picture().difference(after) < 0.002, "the saved project looks different"
         assert json.loads(project.read_text())["pose"] == edited["pose"]
 
-    timings = json.loads(studio.timings_text)
-    print(f"first picture after {studio.first_picture_s:.2f} s; window frames: {timings}")
-
 
 if __name__ == "__main__":
     main(pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else None)

@@ -106,6 +106,7 @@ void LightLibrary::draw(StudioContext& context) {
     cardWidth_ = std::floor((available - gap * static_cast<float>(columns - 1)) / static_cast<float>(columns));
     drawStudios(context);
     drawSkies(context);
+    drawLearned(context);
     drawFiles(context);
 }
 
@@ -159,6 +160,27 @@ void LightLibrary::drawSkies(StudioContext& context) {
             CommandCall{"light.kind", {{"kind", "sky"}}}, set("sun_elevation", preset.elevationDeg),
             set("sun_azimuth", preset.azimuthDeg), set("turbidity", preset.turbidity)};
         runTogether(context, "light.sky_preset", calls);
+    }
+}
+
+/// The light that the avatar's training found.
+void LightLibrary::drawLearned(StudioContext& context) {
+    const std::shared_ptr<const AvatarAsset> avatar = context.session.assets().avatar;
+    const std::string source = context.document().avatar.source;
+    if (!avatar || !avatar->trained || !avatar->trained->hasLight || avatar->key != source) return;
+    const LightSection& light = context.document().light;
+    // A run's newest checkpoint has a light of its own: its step is in the avatar's origin.
+    const auto thumbnail = thumbnails_.get(context.session, "learned:" + source + avatar->trained->origin,
+                                           [source](const ProgressFunction&) -> Result<Image> {
+                                               ARS_TRY(const Environment environment, trainedAvatarLight(source));
+                                               return thumbnailOf(environment);
+                                           });
+    hint("Learned");
+    const std::string name = fs::path(source).stem().string();
+    const bool current = light.kind == LightKind::File && light.file == source;
+    if (card(context, "learned", "Learned light of " + name, "The light that the training of " + name + " found",
+             current, thumbnail)) {
+        context.session.openAs(source, FileRole::Light);
     }
 }
 

@@ -34,6 +34,7 @@ private:
 
     void drawStudios(StudioContext& context);
     void drawSkies(StudioContext& context);
+    void drawLearned(StudioContext& context);
     void drawFiles(StudioContext& context);
     /// A picture with its name below it; true when it was clicked.
     bool card(StudioContext& context, const std::string& id, const std::string& label, const std::string& tooltip,

@@ -72,7 +72,7 @@ void BuffersPanel::drawLayout(StudioContext& context) {
 /// Where the cursor is; the numbers themselves stand in the rows.
 void BuffersPanel::drawCursor(StudioContext& context) {
     const ViewportProbe& probe = viewportProbe();
-    std::string text = "Point at the picture to read every buffer there.";
+    std::string text = "Point at the picture to read it.";
     if (probe.inside) {
         text = fmt::format("Pixel {}, {}", probe.column, probe.row);
         if (!probe.jointName.empty()) text += fmt::format("  {}", wordsOf(probe.jointName));

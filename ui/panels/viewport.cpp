@@ -132,7 +132,7 @@ TileContent ViewportPanel::content(StudioContext& context, BufferId buffer, bool
     if (document.view.parts) result.parts = frame_->parts;
     if (document.view.surfelDiscs) result.discs = frame_->surfels;
     result.mask = limbs_.marks();
-    const ImVec4 accent = accentColor();
+    const ImVec4 accent = inkColor(Ink::Accent);
     result.maskColor = glm::vec4(accent.x, accent.y, accent.z, 0.2f);
     if (document.view.skeleton && frame_->avatar) {
         const Skeleton& skeleton = frame_->avatar->evaluator->rig().skeleton;
@@ -270,8 +270,8 @@ void ViewportPanel::drawTileWidgets(StudioContext& context, const ViewportLayout
         }
         const ImVec2 corner = grid ? ImVec2(area.origin.x + margin, area.origin.y + margin)
                                    : ImVec2(area.origin.x + margin, high.y - margin);
-        const ImVec2 plate = drawPlate(list, corner, ImVec2(0, grid ? 0.0f : 1.0f), text.c_str(),
-                                       ImGui::GetColorU32(ImGuiCol_Text), 0.8f * context.scale);
+        const ImVec2 plate =
+            drawPlate(list, corner, ImVec2(0, grid ? 0.0f : 1.0f), text.c_str(), Ink::Text, 0.8f * context.scale);
         ImGui::PopFont();
         ImGui::SetCursorScreenPos(grid ? corner : area.origin);
         ImGui::SetNextItemAllowOverlap();
@@ -285,9 +285,9 @@ void ViewportPanel::drawTileWidgets(StudioContext& context, const ViewportLayout
         ui::help(context, std::string(info.help).c_str(), std::string(info.symbol).c_str(),
                  std::string(info.unit).c_str());
         if (thumbnail.buffer == context.document().view.buffer) {
-            list->AddRect(area.origin, high, ImGui::GetColorU32(accentColor()), 0.0f, 0, 1.5f * context.scale);
+            list->AddRect(area.origin, high, ImGui::GetColorU32(inkColor(Ink::Accent)), 0.0f, 0, 1.5f * context.scale);
         } else if (hovered) {
-            list->AddRect(area.origin, high, ImGui::GetColorU32(mutedColor()), 0.0f, 0, 1.0f * context.scale);
+            list->AddRect(area.origin, high, ImGui::GetColorU32(inkColor(Ink::Muted)), 0.0f, 0, 1.0f * context.scale);
         }
     }
     ImGui::PopID();
@@ -314,8 +314,7 @@ void ViewportPanel::drawNumbers(StudioContext& context, const PictureView& view)
     const float margin = 10.0f * context.scale;
     const ImVec2 place(view.origin.x + view.size.x - margin, view.origin.y + view.size.y - margin);
     drawPlate(ImGui::GetWindowDrawList(), place, ImVec2(1.0f, 1.0f), text.c_str(),
-              ImGui::GetColorU32(comparison_.measuring() ? mutedColor() : ImGui::GetStyleColorVec4(ImGuiCol_Text)),
-              context.scale, 0.75f);
+              comparison_.measuring() ? Ink::Muted : Ink::Text, context.scale);
 }
 
 PictureView ViewportPanel::viewOf(StudioContext& context, const PictureArea& area) const {
@@ -368,9 +367,15 @@ void ViewportPanel::dragSplit(const ViewportInput& input, const PictureArea& are
     const float x = std::floor(area.origin.x + view.compare.splitPosition * area.size.x);
     const bool near = input.hovered && std::abs(input.mouse.x - x) < 6.0f * input.scale && !toolDragged();
     ImDrawList* list = ImGui::GetWindowDrawList();
-    const ImU32 color = near || split_.active() ? ImGui::GetColorU32(accentColor()) : IM_COL32(235, 235, 238, 200);
-    list->AddLine(ImVec2(x, area.origin.y), ImVec2(x, area.origin.y + area.size.y), color, 1.5f * input.scale);
-    list->AddCircleFilled(ImVec2(x, area.origin.y + 0.5f * area.size.y), 5.0f * input.scale, color);
+    const ImU32 color =
+        near || split_.active() ? ImGui::GetColorU32(inkColor(Ink::Accent)) : IM_COL32(235, 235, 238, 200);
+    const ImVec2 top(x, area.origin.y), bottom(x, area.origin.y + area.size.y);
+    const ImVec2 knob(x, area.origin.y + 0.5f * area.size.y);
+    const ImU32 rim = ImGui::GetColorU32(plateColor()); // seen on white, too
+    list->AddLine(top, bottom, rim, 3.5f * input.scale);
+    list->AddCircleFilled(knob, 6.5f * input.scale, rim);
+    list->AddLine(top, bottom, color, 1.5f * input.scale);
+    list->AddCircleFilled(knob, 5.0f * input.scale, color);
     if (near || split_.active()) ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeEW);
     if (near && ImGui::IsMouseClicked(ImGuiMouseButton_Left)) split_.begin(input.context.session, "split");
     if (!split_.active()) return;
@@ -488,13 +493,18 @@ void ViewportPanel::interact(StudioContext& context, const ViewportLayout& layou
     }
     if (const std::string caption = navigation_.caption(context); !caption.empty()) {
         drawPlate(ImGui::GetWindowDrawList(), ImVec2(mouse.x, mouse.y - 12.0f * context.scale), ImVec2(0.5f, 1.0f),
-                  caption.c_str(), ImGui::GetColorU32(ImGuiCol_Text), context.scale, 0.8f);
+                  caption.c_str(), Ink::Text, context.scale);
     }
     if (hovered && limbs_.ready() && !toolDragged()) ImGui::SetMouseCursor(ImGuiMouseCursor_Hand);
 }
 
 void ViewportPanel::draw(StudioContext& context) {
-    if (!painter_) painter_ = std::make_unique<Painter>();
+    if (!painter_) {
+        painter_ = std::make_unique<Painter>();
+        const Document& document = context.document();
+        painter_->warmUp(presentSettings(document, BufferId::Beauty, 0.0),
+                         presentSettings(document, BufferId::AmbientOcclusion, 0.0));
+    }
     painter_->newFrame();
     const ImVec2 start = ImGui::GetCursorScreenPos();
     const ImVec2 room = ImGui::GetContentRegionAvail();
@@ -537,7 +547,7 @@ void ViewportPanel::draw(StudioContext& context) {
         const float x = view.origin.x + context.document().view.compare.splitPosition * view.size.x;
         const std::string text = other_.missing.empty() ? other_.label : other_.label + ": " + other_.missing;
         drawPlate(ImGui::GetWindowDrawList(), ImVec2(x + 8.0f * context.scale, view.origin.y + 10.0f * context.scale),
-                  ImVec2(0, 0), text.c_str(), ImGui::GetColorU32(ImGuiCol_Text), context.scale);
+                  ImVec2(0, 0), text.c_str(), Ink::Text, context.scale);
     }
     drawNumbers(context, view);
 }

@@ -122,9 +122,15 @@ void TrackEditor::drawRulerTicks(StudioContext& context, const ImVec2& low, cons
         if (!tick.labelled) continue;
         const std::string frame = fmt::format("{}", tick.frame);
         const ImVec2 at(x + 4.0f * s, high.y - letter - 4.0f * s);
+        const auto widthOf = [&](const std::string& text) {
+            return ImGui::GetFont()->CalcTextSizeA(letter, FLT_MAX, 0.0f, text.c_str()).x;
+        };
+        // At the right end half a number would be a wrong one.
+        const float seconds = at.x + widthOf(frame) + 5.0f * s;
+        if (seconds - 5.0f * s > high.x) continue;
         smallText(draw, at, ImGui::GetColorU32(ImGuiCol_Text), frame);
-        const float frameWidth = ImGui::GetFont()->CalcTextSizeA(letter, FLT_MAX, 0.0f, frame.c_str()).x;
-        smallText(draw, ImVec2(at.x + frameWidth + 5.0f * s, at.y), faded(mutedColor(), 0.9f), secondsText(tick.timeS));
+        const std::string time = secondsText(tick.timeS);
+        if (seconds + widthOf(time) <= high.x) smallText(draw, ImVec2(seconds, at.y), faded(mutedColor(), 0.9f), time);
     }
     draw->PopClipRect();
 }

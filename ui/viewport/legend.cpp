@@ -56,13 +56,12 @@ void drawColorBar(const PictureView& view, float scale, ColorMap map, const std:
     ImDrawList* list = ImGui::GetWindowDrawList();
     const Bar bar = barOf(view, scale);
     drawBar(list, bar, map, scale);
-    const ImU32 color = ImGui::GetColorU32(ImGuiCol_Text);
     const float gap = 5.0f * scale;
-    drawPlate(list, ImVec2(bar.high.x, bar.low.y - gap), ImVec2(1, 1), maximum.c_str(), color, scale);
-    drawPlate(list, ImVec2(bar.high.x, bar.high.y + gap), ImVec2(1, 0), minimum.c_str(), color, scale);
+    drawPlate(list, ImVec2(bar.high.x, bar.low.y - gap), ImVec2(1, 1), maximum.c_str(), Ink::Text, scale);
+    drawPlate(list, ImVec2(bar.high.x, bar.high.y + gap), ImVec2(1, 0), minimum.c_str(), Ink::Text, scale);
     if (!title.empty()) {
-        drawPlate(list, ImVec2(bar.low.x - gap, 0.5f * (bar.low.y + bar.high.y)), ImVec2(1, 0.5f), title.c_str(), color,
-                  scale);
+        drawPlate(list, ImVec2(bar.low.x - gap, 0.5f * (bar.low.y + bar.high.y)), ImVec2(1, 0.5f), title.c_str(),
+                  Ink::Text, scale);
     }
 }
 
@@ -74,7 +73,7 @@ void Legend::end(const ViewportInput& input, BufferId buffer, bool maximum, cons
     ImGui::InvisibleButton(maximum ? "Legend/Maximum" : "Legend/Minimum", ImVec2(high.x - low.x, high.y - low.y));
     if (ImGui::IsItemHovered() || ImGui::IsItemActive()) {
         ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeNS);
-        ImGui::GetWindowDrawList()->AddRect(low, high, ImGui::GetColorU32(accentColor()), 4.0f * input.scale, 0,
+        ImGui::GetWindowDrawList()->AddRect(low, high, ImGui::GetColorU32(inkColor(Ink::Accent)), 4.0f * input.scale, 0,
                                             1.5f * input.scale);
     }
     help(input.context, "Drag up or down to change this end of the range. Right click: the buffer's own range.",
@@ -121,12 +120,11 @@ void Legend::draw(const ViewportInput& input, BufferId buffer) {
         }
     }
     const std::string unit = info.unit.empty() ? std::string() : " " + std::string(info.unit);
-    const ImU32 color = ImGui::GetColorU32(ImGuiCol_Text);
     const float gap = 5.0f * input.scale;
     auto label = [&](float y, float anchor, float value, bool maximum) {
         const ImVec2 place(bar.high.x, y);
         const ImVec2 size =
-            drawPlate(list, place, ImVec2(1, anchor), (rangeText(value) + unit).c_str(), color, input.scale);
+            drawPlate(list, place, ImVec2(1, anchor), (rangeText(value) + unit).c_str(), Ink::Text, input.scale);
         const ImVec2 low(place.x - size.x, place.y - anchor * size.y);
         end(input, buffer, maximum, low, ImVec2(low.x + size.x, low.y + size.y));
     };

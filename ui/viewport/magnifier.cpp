@@ -94,10 +94,10 @@ void Magnifier::draw(const ViewportInput& input, BufferId buffer) {
     ImGui::PopClipRect();
     const std::string text = fmt::format("{:.{}f}x", zoom_, zoom_ < 10.0f ? 1 : 0);
     const ImVec2 place(input.view.origin.x + input.view.size.x - 10.0f * input.scale,
-                       input.view.origin.y + input.view.size.y - 10.0f * input.scale);
-    const ImVec2 size = drawPlate(ImGui::GetWindowDrawList(), place, ImVec2(1, 1), text.c_str(),
-                                  ImGui::GetColorU32(accentColor()), input.scale, 0.8f);
-    ImGui::SetCursorScreenPos(ImVec2(place.x - size.x, place.y - size.y));
+                       input.view.origin.y + 14.0f * input.scale + ImGui::GetFrameHeight());
+    const ImVec2 size =
+        drawPlate(ImGui::GetWindowDrawList(), place, ImVec2(1, 0), text.c_str(), Ink::Accent, input.scale);
+    ImGui::SetCursorScreenPos(ImVec2(place.x - size.x, place.y));
     ImGui::SetNextItemAllowOverlap();
     if (ImGui::InvisibleButton("Magnifier", size)) reset();
     help(input.context, "The picture is enlarged (Ctrl + wheel). Click: as large as it is");

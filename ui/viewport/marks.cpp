@@ -13,11 +13,7 @@ namespace ars::ui {
 
 namespace {
 
-ImU32 textColor(float alpha = 1.0f) {
-    ImVec4 color = ImGui::GetStyleColorVec4(ImGuiCol_Text);
-    color.w *= alpha;
-    return ImGui::GetColorU32(color);
-}
+ImU32 colorOf(Ink ink) { return ImGui::GetColorU32(inkColor(ink)); }
 
 } // namespace
 
@@ -42,18 +38,10 @@ std::string qualityText(const Frame& frame) {
 void drawBadge(const ViewportInput& input) {
     if (!input.frame) return;
     const std::string text = qualityText(*input.frame);
-    const bool quiet = text == "full";
     const float margin = 10.0f * input.scale;
     const ImVec2 corner(input.view.origin.x + input.view.size.x - margin, input.view.origin.y + margin);
-    if (quiet) {
-        const ImVec2 size = ImGui::CalcTextSize(text.c_str());
-        ImGui::GetWindowDrawList()->AddText(
-            ImVec2(std::floor(corner.x - size.x - 6.0f * input.scale), std::floor(corner.y + 3.0f * input.scale)),
-            textColor(0.28f), text.c_str());
-        return;
-    }
-    const ImVec4 color = input.frame->quality == FrameQuality::Draft ? accentColor() : mutedColor();
-    drawPlate(ImGui::GetWindowDrawList(), corner, ImVec2(1, 0), text.c_str(), ImGui::GetColorU32(color), input.scale);
+    const Ink ink = input.frame->quality == FrameQuality::Draft ? Ink::Accent : Ink::Muted;
+    drawPlate(ImGui::GetWindowDrawList(), corner, ImVec2(1, 0), text.c_str(), ink, input.scale);
 }
 
 std::string bufferLabel(BufferId buffer) {
@@ -64,7 +52,7 @@ std::string bufferLabel(BufferId buffer) {
 void drawLabel(const PictureView& view, float scale, const std::string& text) {
     const float margin = 10.0f * scale;
     drawPlate(ImGui::GetWindowDrawList(), ImVec2(view.origin.x + margin, view.origin.y + margin), ImVec2(0, 0),
-              text.c_str(), textColor(0.92f), scale);
+              text.c_str(), Ink::Text, scale);
 }
 
 void drawAxes(const ViewportInput& input) {
@@ -139,24 +127,23 @@ void drawProbe(const ViewportInput& input, const ViewportProbe& probe) {
     if (low.x + width > end.x) low.x = std::max(input.mouse.x - 20.0f * input.scale - width, input.view.origin.x);
     if (low.y + height > end.y) low.y = std::max(end.y - height, input.view.origin.y);
     ImDrawList* list = ImGui::GetWindowDrawList();
-    list->AddRectFilled(low, ImVec2(low.x + width, low.y + height), IM_COL32(16, 16, 18, 225), 5.0f * input.scale);
+    list->AddRectFilled(low, ImVec2(low.x + width, low.y + height), ImGui::GetColorU32(plateColor()),
+                        5.0f * input.scale);
     const float x = std::floor(low.x + pad);
     float y = std::floor(low.y + pad);
-    list->AddText(ImVec2(x, y), ImGui::GetColorU32(accentColor()), head.c_str());
+    list->AddText(ImVec2(x, y), colorOf(Ink::Accent), head.c_str());
     for (const Line& line : lines) {
         y += row;
-        list->AddText(ImVec2(x, std::floor(y)), IM_COL32(160, 162, 168, 255), line.name.c_str());
-        list->AddText(ImVec2(x + names + gap, std::floor(y)), IM_COL32(232, 233, 236, 255), line.text.c_str());
-        list->AddText(ImVec2(x + names + 1.5f * gap + texts, std::floor(y)), IM_COL32(140, 142, 148, 255),
-                      line.unit.c_str());
+        list->AddText(ImVec2(x, std::floor(y)), colorOf(Ink::Muted), line.name.c_str());
+        list->AddText(ImVec2(x + names + gap, std::floor(y)), colorOf(Ink::Text), line.text.c_str());
+        list->AddText(ImVec2(x + names + 1.5f * gap + texts, std::floor(y)), colorOf(Ink::Muted), line.unit.c_str());
     }
     if (font) ImGui::PopFont();
 }
 
 void drawNotice(const PictureView& view, float scale, const std::string& text) {
     const ImVec2 center(view.origin.x + 0.5f * view.size.x, view.origin.y + 0.5f * view.size.y);
-    drawPlate(ImGui::GetWindowDrawList(), center, ImVec2(0.5f, 0.5f), text.c_str(), ImGui::GetColorU32(mutedColor()),
-              scale, 0.75f);
+    drawPlate(ImGui::GetWindowDrawList(), center, ImVec2(0.5f, 0.5f), text.c_str(), Ink::Muted, scale);
 }
 
 } // namespace ars::ui

@@ -9,7 +9,7 @@ namespace ars::ui {
 
 /// What a frame is: "draft 480x360", "refining 35 %", "full".
 std::string qualityText(const Frame& frame);
-/// In the upper right corner; hardly there when the frame is full.
+/// In the upper right corner.
 void drawBadge(const ViewportInput& input);
 
 /// Name and symbol of what a picture shows, in its upper left corner.

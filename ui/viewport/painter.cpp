@@ -111,6 +111,43 @@ void Painter::newFrame() {
     std::erase_if(tiles_, [&](const auto& entry) { return entry.second->usedIn + kFramesKept < frame_; });
 }
 
+void Painter::warmUp(const PresentSettings& shaded, const PresentSettings& data) {
+    constexpr int kSize = 16;
+    constexpr int kFirst = -1, kSecond = -2, kNumbers = -3;
+    auto flat = [](int channels) {
+        auto image = std::make_shared<Image>();
+        image->width = image->height = kSize;
+        image->channels = channels;
+        image->pixels.assign(static_cast<std::size_t>(kSize * kSize * channels), 0.5f);
+        return image;
+    };
+    TileContent content;
+    content.camera.width = content.camera.height = kSize;
+    content.camera.fx = content.camera.fy = kSize;
+    content.camera.cx = content.camera.cy = 0.5 * kSize;
+    content.picture = flat(4);
+    content.opacity = flat(1);
+    content.depth = flat(1);
+    content.parts = flat(3);
+    content.lines = {{glm::vec3(-0.1f, 0.0f, 1.0f), glm::vec3(0.1f, 0.0f, 1.0f), glm::vec4(1.0f), 2.0f}};
+    content.mask = std::make_shared<const std::vector<OverlayLine>>(content.lines);
+    content.maskColor = glm::vec4(1.0f);
+    content.settings = shaded;
+    content.settings.grid = true;
+    (void)paint(kFirst, content, kSize, kSize);
+    TileContent plain = content;
+    plain.parts = nullptr;
+    plain.mask = nullptr;
+    plain.lines.clear();
+    plain.settings.grid = false;
+    (void)paint(kSecond, plain, kSize, kSize);
+    (void)paintDifference(kNumbers, kFirst, kSecond, false, 1.0f, ColorMap::Magma, kSize, kSize);
+    plain.picture = content.opacity;
+    plain.settings = data;
+    (void)paint(kSecond, plain, kSize, kSize);
+    for (int tile : {kFirst, kSecond, kNumbers}) tiles_.erase(tile);
+}
+
 Painter::Tile& Painter::tileOf(int number, int width, int height) {
     std::unique_ptr<Tile>& tile = tiles_[number];
     if (!tile) tile = std::make_unique<Tile>();

@@ -51,6 +51,10 @@ public:
                                  int height);
     /// Once per window frame.
     void newFrame();
+    /// Draws all there is once, for nobody: drivers translate a shader when it is first drawn with, and the tone
+    /// curve's table takes as long as some frames. `shaded` and `data`: settings of a picture of colours and of one of
+    /// numbers.
+    void warmUp(const PresentSettings& shaded, const PresentSettings& data);
 
     /// How much was really drawn in the last frame, for the performance panel and tests.
     struct Work {

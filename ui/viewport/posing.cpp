@@ -131,7 +131,7 @@ void LimbDragging::drawDrag(const ViewportInput& input) const {
     const auto wanted = input.view.toScreen(input.view.pointAt(input.mouse, grabbed_.depthM) + offset_);
     if (!at || !wanted) return;
     ImDrawList* list = ImGui::GetWindowDrawList();
-    const ImU32 color = ImGui::GetColorU32(accentColor());
+    const ImU32 color = ImGui::GetColorU32(inkColor(Ink::Accent));
     list->AddLine(*at, *wanted, (color & ~IM_COL32_A_MASK) | (120u << IM_COL32_A_SHIFT), 1.5f * input.scale);
     list->AddCircle(*at, 6.0f * input.scale, color, 24, 2.0f * input.scale);
     list->AddCircleFilled(*wanted, 2.5f * input.scale, color);
@@ -149,7 +149,7 @@ void LimbDragging::drawName(const ViewportInput& input) const {
     }
     drawPlate(ImGui::GetWindowDrawList(),
               ImVec2(input.mouse.x + 16.0f * input.scale, input.mouse.y + 18.0f * input.scale), ImVec2(0, 0),
-              text.c_str(), ImGui::GetColorU32(ImGuiCol_Text), input.scale);
+              text.c_str(), Ink::Text, input.scale);
 }
 
 } // namespace ars::ui

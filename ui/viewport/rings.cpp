@@ -270,8 +270,7 @@ void JointRings::draw(const ViewportInput& input, const Shape& shape) const {
                            shape.center[held_ - kMoveX] - start_.center[held_ - kMoveX]);
     }
     const float below = kRadiusPixels * kArrowFactor * input.scale;
-    drawPlate(list, ImVec2(center->x, center->y + below), ImVec2(0.5f, 0.0f), text.c_str(),
-              ImGui::GetColorU32(ImGuiCol_Text), input.scale, 0.8f);
+    drawPlate(list, ImVec2(center->x, center->y + below), ImVec2(0.5f, 0.0f), text.c_str(), Ink::Text, input.scale);
 }
 
 } // namespace ars::ui

@@ -128,7 +128,7 @@ void RadiusSpheres::draw(const ViewportInput& input, const std::vector<Rim>& all
                     radiiAt(document, input.context.session.timeS())[part], document.occlusion.initial[part],
                     document.occlusion.locked[part] ? "   locked" : "");
     drawPlate(list, ImVec2(rim.center.x, rim.center.y - rim.pixels - 8.0f * input.scale), ImVec2(0.5f, 1.0f),
-              text.c_str(), ImGui::GetColorU32(ImGuiCol_Text), input.scale, 0.8f);
+              text.c_str(), Ink::Text, input.scale);
 }
 
 } // namespace ars::ui

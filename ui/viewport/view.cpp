@@ -54,16 +54,28 @@ glm::ivec2 framePixel(const ViewportInput& input) {
     return {static_cast<int>(std::floor(x)), static_cast<int>(std::floor(y))};
 }
 
-ImVec2 drawPlate(ImDrawList* list, const ImVec2& place, const ImVec2& anchor, const char* text, ImU32 color,
-                 float scale, float strength) {
+ImVec4 inkColor(Ink ink) {
+    switch (ink) {
+    case Ink::Muted:
+        return {0.72f, 0.725f, 0.735f, 1.0f};
+    case Ink::Accent:
+        return {0.95f, 0.65f, 0.35f, 1.0f};
+    case Ink::Text:
+        break;
+    }
+    return {0.925f, 0.928f, 0.935f, 1.0f};
+}
+
+ImVec4 plateColor() { return {0.06f, 0.062f, 0.068f, 0.8f}; }
+
+ImVec2 drawPlate(ImDrawList* list, const ImVec2& place, const ImVec2& anchor, const char* text, Ink ink, float scale) {
     const ImVec2 inside = ImGui::CalcTextSize(text);
     const ImVec2 margin(7.0f * scale, 3.5f * scale);
     const ImVec2 size(inside.x + 2 * margin.x, inside.y + 2 * margin.y);
     // Whole pixels keep the glyphs sharp.
     const ImVec2 low(std::floor(place.x - anchor.x * size.x), std::floor(place.y - anchor.y * size.y));
-    list->AddRectFilled(low, ImVec2(low.x + size.x, low.y + size.y),
-                        ImGui::GetColorU32(ImVec4(0.06f, 0.062f, 0.068f, strength)), 4.0f * scale);
-    list->AddText(ImVec2(low.x + margin.x, low.y + margin.y), color, text);
+    list->AddRectFilled(low, ImVec2(low.x + size.x, low.y + size.y), ImGui::GetColorU32(plateColor()), 4.0f * scale);
+    list->AddText(ImVec2(low.x + margin.x, low.y + margin.y), ImGui::GetColorU32(inkColor(ink)), text);
     return size;
 }
 

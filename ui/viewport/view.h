@@ -72,9 +72,14 @@ private:
     std::string text_;
 };
 
-/// Draws text on a quiet dark plate that any picture can be read through. `anchor` in [0, 1] says which point of the
-/// plate lies at `place`. Returns its size.
-ImVec2 drawPlate(ImDrawList* list, const ImVec2& place, const ImVec2& anchor, const char* text, ImU32 color,
-                 float scale, float strength = 0.62f);
+/// Inks of text over the picture. They and the plate below them are the same in every theme, as the picture is: a
+/// contrast of at least 4.5 (WCAG 2.1, 1.4.3) whatever the picture's colours.
+enum class Ink { Text, Muted, Accent };
+ImVec4 inkColor(Ink ink);
+ImVec4 plateColor(); ///< blended over the picture
+
+/// Draws text on a quiet dark plate that can be read over any picture. `anchor` in [0, 1] says which point of the plate
+/// lies at `place`. Returns its size.
+ImVec2 drawPlate(ImDrawList* list, const ImVec2& place, const ImVec2& anchor, const char* text, Ink ink, float scale);
 
 } // namespace ars::ui

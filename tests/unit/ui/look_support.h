@@ -2,6 +2,7 @@
 
 #include "engine/gl/context.h"
 #include "tests/support/test_data.h"
+#include "tests/unit/ui/small_document.h"
 #include "ui/studio.h"
 #include "ui/window.h"
 
@@ -19,7 +20,7 @@
 namespace ars::ui::test {
 
 /// One studio without a display for all tests of the panels of the look: opening it takes longer than most of them.
-/// Every test begins with a new project.
+/// Every test begins with a new, small document.
 class LookStudio {
 public:
     static LookStudio& shared() {
@@ -69,6 +70,8 @@ private:
         start.stateFolder = folder_.path() / "state";
         start.settings.autosave = false;
         start.scale = 1.0f;
+        start.document = smallDocument();
+        start.lightBase = kSmallLightBase;
         auto made = HeadlessStudio::create(1100, 800, start);
         if (!made) {
             failure_ = made.error().describe();
@@ -89,7 +92,7 @@ class PanelTest : public ::testing::Test {
 protected:
     void open(const char* panel, const char* title) {
         ASSERT_EQ(studio_.failure(), "");
-        studio_.session().newProject();
+        studio_.session().replaceDocument(smallDocument(), {}, true);
         studio_.window().studio().setOpen(panel, true);
         studio_.window().step();
         title_ = title;

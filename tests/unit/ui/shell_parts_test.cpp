@@ -108,6 +108,21 @@ TEST(FrameTimes, PercentilesAndLongestAreThoseOfTheFrames) {
     EXPECT_EQ(counted, 100u);
     EXPECT_EQ(timings.histogram()[9], 50u) << "51 to 100 ms: more than 50 and at most 100";
     EXPECT_EQ(timings.recentMs().back(), 100.0f);
+    ASSERT_EQ(timings.slowest().size(), 10u);
+    EXPECT_EQ(timings.slowest().front().frame, 100u);
+    EXPECT_EQ(timings.slowest().back().parts.totalMs(), 91.0f);
+}
+
+TEST(FrameTimes, StartUpIsCountedApart) {
+    WindowTimings timings;
+    timings.addStartUp({1.0f, 150.0f, 20.0f, 90.0f});
+    timings.addStartUp({1.0f, 10.0f, 20.0f, 12.0f});
+    timings.add({1.0f, 2.0f, 3.0f, 4.0f});
+    EXPECT_EQ(timings.startUpFrames(), 2u);
+    EXPECT_EQ(timings.longestStartUp().totalMs(), 171.0f);
+    EXPECT_EQ(timings.frames(), 1u);
+    EXPECT_EQ(timings.longest().totalMs(), 6.0f);
+    EXPECT_GT(threadProcessorMs(), 0.0);
 }
 
 TEST(FolderLists, PutFoldersFirstAndLeaveOutHiddenOnes) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "tests/support/test_data.h"
+#include "tests/unit/ui/small_document.h"
 #include "ui/studio.h"
 #include "ui/window.h"
 
@@ -23,14 +24,16 @@ class StudioDriver {
 public:
     /// @param state  folder of settings and autosaves; the settings are those that lie in it
     StudioDriver(int width, int height, const std::filesystem::path& state, float scale = 1.0f,
-                 const std::function<void(Settings&)>& change = {}) {
+                 const std::function<void(WindowStart&)>& change = {}) {
         ::setenv("ARS_FILE_CHOOSER", "internal", 1);
         WindowStart start;
         start.stateFolder = state;
         start.settings = readSettings(state);
         start.settings.showHints = false;
         start.scale = scale;
-        if (change) change(start.settings);
+        start.document = smallDocument();
+        start.lightBase = kSmallLightBase;
+        if (change) change(start);
         auto made = HeadlessStudio::create(width, height, start);
         if (!made) {
             ADD_FAILURE() << made.error().describe();

@@ -2,6 +2,7 @@
 #include "tests/unit/ui/studio_driver.h"
 
 #include "ui/shortcuts.h"
+#include "ui/theme.h"
 #include "ui/widgets.h"
 
 #include <imgui_internal.h>
@@ -15,14 +16,14 @@ namespace {
 using ars::test::TemporaryFolder;
 using test::StudioDriver;
 
-/// Opening a studio takes longer than most tests: they share one. Each begins with a new project and no dialog.
+/// Opening a studio takes longer than most tests: they share one. Each begins with a new, small document and no dialog.
 class StudioShell : public ::testing::Test {
 protected:
     void SetUp() override {
         if (!folder()) folder() = std::make_unique<TemporaryFolder>();
         if (!shared()) shared() = std::make_unique<StudioDriver>(1280, 720, folder()->path() / "state");
         studio_ = shared().get();
-        studio_->session().newProject();
+        studio_->session().replaceDocument(test::smallDocument(), {}, true);
         studio_->act([](ImGuiTestContext* person) { person->MouseMoveToPos({640, 4}); });
     }
     static void TearDownTestSuite() {
@@ -318,11 +319,37 @@ TEST(StudioOfItsOwn, SettingsSurviveAndUnsavedWorkIsAskedFor) {
     EXPECT_TRUE(again.studio().quit()) << "nothing is unsaved";
 }
 
-TEST(StudioOfItsOwn, PanelsFitAt3840x2160WithLargeLetters) {
+TEST(StudioOfItsOwn, At3840x2160EverythingFitsAndThePictureIsAsSharpAsTheScreen) {
     const TemporaryFolder folder;
-    // Without the viewport, whose pictures of that size take long.
-    StudioDriver studio(3840, 2160, folder.path(), 2.0f,
-                        [](Settings& settings) { settings.panels["viewport"] = false; });
+    StudioDriver studio(3840, 2160, folder.path(), 2.0f, [](WindowStart& start) {
+        // Fewer directions make it faster and no less sharp.
+        start.document->occlusion.settings.screenSpace.adaptive = OcclusionAdaptive::Off;
+        start.document->occlusion.settings.screenSpace.delta = 0.25f;
+    });
+    ASSERT_TRUE(studio.window().settle(120.0)) << "it does not come to rest";
+    const std::shared_ptr<const Frame> frame = studio.session().frame();
+    ASSERT_NE(frame, nullptr);
+    EXPECT_EQ(frame->quality, FrameQuality::Full);
+    ImRect picture;
+    studio.act([&](ImGuiTestContext* person) { picture = person->ItemInfo("//Viewport/Picture").RectFull; });
+    EXPECT_GT(picture.GetWidth(), 2000.0f);
+    EXPECT_GT(picture.GetHeight(), 1000.0f);
+    EXPECT_EQ(frame->inputs.camera.width, static_cast<int>(picture.GetWidth())) << "one pixel for each of the screen";
+    EXPECT_EQ(frame->inputs.camera.height, static_cast<int>(picture.GetHeight()));
+    EXPECT_FLOAT_EQ(ImGui::GetStyle().FontSizeBase * ImGui::GetStyle().FontScaleMain, 2.0f * kTextSize);
+    // The body is there: a column through its middle has light and dark pixels, and all of them are no copies of their
+    // neighbours, as those of an enlarged picture would be.
+    const std::vector<std::uint8_t> pixels = studio.window().pixels();
+    int changes = 0, lit = 0;
+    const auto column = static_cast<std::size_t>(picture.GetCenter().x) - 40;
+    for (auto row = static_cast<std::size_t>(picture.Min.y); row + 1 < static_cast<std::size_t>(picture.Max.y); ++row) {
+        const std::uint8_t *here = &pixels[4 * (row * 3840 + column)], *below = here + 4 * 3840;
+        if (here[0] < 90) continue;
+        ++lit;
+        changes += here[0] != below[0] || here[1] != below[1] || here[2] != below[2];
+    }
+    EXPECT_GT(lit, 300);
+    EXPECT_GT(changes, lit / 4);
     expectPanelsFit(studio, {3840, 2160});
 }
 

@@ -15,6 +15,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 
 namespace ars::ui {
@@ -238,7 +239,6 @@ protected:
     void SetUp() override {
         open("viewport", "Viewport");
         if (HasFatalFailure()) return;
-        run("settings.set", {{"group", "rest"}, {"name", "surfels"}, {"value", 6000}});
         run("view.grid", {{"enabled", false}});
         settle();
         entriesBefore_ = entries();
@@ -446,6 +446,84 @@ TEST_F(ViewportTest, TheLegendsEndsAreItsRange) {
         context->MouseClick(ImGuiMouseButton_Right);
     });
     EXPECT_FALSE(document().view.buffers[depth].range.has_value());
+}
+
+/// Relative luminance of an sRGB colour, and the contrast of two (WCAG 2.1).
+double luminance(const glm::dvec3& srgb) {
+    const auto linear = [](double c) { return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4); };
+    return 0.2126 * linear(srgb.r) + 0.7152 * linear(srgb.g) + 0.0722 * linear(srgb.b);
+}
+
+double contrast(const glm::dvec3& a, const glm::dvec3& b) {
+    const double first = luminance(a), second = luminance(b);
+    return (std::max(first, second) + 0.05) / (std::min(first, second) + 0.05);
+}
+
+TEST(ViewportPlates, EveryInkCanBeReadOverAnyPicture) {
+    EXPECT_NEAR(contrast({0, 0, 0}, {1, 1, 1}), 21.0, 1e-9);
+    EXPECT_NEAR(contrast(glm::dvec3(119 / 255.0), glm::dvec3(1)), 4.48, 0.01) << "#777 on white, as everybody says";
+    const ImVec4 plate = plateColor();
+    for (const Ink ink : {Ink::Text, Ink::Muted, Ink::Accent}) {
+        const ImVec4 text = inkColor(ink);
+        ASSERT_EQ(text.w, 1.0f);
+        for (const glm::dvec3& picture : {glm::dvec3(0), glm::dvec3(0.5), glm::dvec3(1), glm::dvec3(1, 0.8, 0)}) {
+            const glm::dvec3 below =
+                glm::mix(picture, glm::dvec3(plate.x, plate.y, plate.z), static_cast<double>(plate.w));
+            EXPECT_GE(contrast({text.x, text.y, text.z}, below), 4.5)
+                << static_cast<int>(ink) << " over " << picture.r << " " << picture.g << " " << picture.b;
+        }
+    }
+}
+
+/// As it is drawn: the plate is the commonest colour of its part of the screen, the text what differs most from it.
+TEST_F(ViewportTest, TextOverThePictureCanBeReadInBothThemes) {
+    Settings& settings = studio_.window().settings();
+    const Theme before = settings.theme;
+    run("view.buffer", {{"name", "ao"}});
+    const auto contrastIn = [&](const std::vector<std::uint8_t>& pixels, const ImRect& part) {
+        const auto width = static_cast<std::size_t>(ImGui::GetIO().DisplaySize.x);
+        std::map<std::array<std::uint8_t, 3>, int> colors;
+        for (auto y = static_cast<std::size_t>(part.Min.y); y < static_cast<std::size_t>(part.Max.y); ++y) {
+            for (auto x = static_cast<std::size_t>(part.Min.x); x < static_cast<std::size_t>(part.Max.x); ++x) {
+                const std::uint8_t* p = &pixels[4 * (y * width + x)];
+                ++colors[{p[0], p[1], p[2]}];
+            }
+        }
+        const auto color = [](const auto& c) { return glm::dvec3(c[0], c[1], c[2]) / 255.0; };
+        const auto plate = std::max_element(colors.begin(), colors.end(),
+                                            [](const auto& a, const auto& b) { return a.second < b.second; });
+        double most = 1.0;
+        for (const auto& entry : colors) most = std::max(most, contrast(color(entry.first), color(plate->first)));
+        return most;
+    };
+    for (const Theme theme : {Theme::Dark, Theme::Light}) {
+        settings.theme = theme;
+        for (const double ground : {0.0, 1.0}) {
+            run("view.background", {{"red", ground}, {"green", ground}, {"blue", ground}});
+            settle();
+            ImRect whole, maximum, minimum;
+            act([&](ImGuiTestContext* context) {
+                whole = context->ItemInfo("Picture").RectFull;
+                maximum = context->ItemInfo("Legend\\/Maximum").RectFull;
+                minimum = context->ItemInfo("Legend\\/Minimum").RectFull;
+            });
+            const std::vector<std::uint8_t> pixels = studio_.window().pixels();
+            // Without the rounded corners, through which the picture is seen.
+            const auto inner = [](ImRect rect) {
+                rect.Expand(-4.0f);
+                return rect;
+            };
+            const ImRect label(whole.Min.x + 16, whole.Min.y + 14, whole.Min.x + 90, whole.Min.y + 28);
+            const ImRect badge(whole.Max.x - 38, whole.Min.y + 14, whole.Max.x - 14, whole.Min.y + 28);
+            const std::pair<const char*, ImRect> plates[] = {
+                {"name", label}, {"quality", badge}, {"maximum", inner(maximum)}, {"minimum", inner(minimum)}};
+            for (const auto& [name, part] : plates) {
+                EXPECT_GE(contrastIn(pixels, part), 4.5)
+                    << name << ", " << (theme == Theme::Dark ? "dark" : "light") << " theme over " << ground;
+            }
+        }
+    }
+    settings.theme = before;
 }
 
 TEST_F(ViewportTest, LAndTheMouseTurnTheLight) {

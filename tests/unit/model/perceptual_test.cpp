@@ -1,0 +1,187 @@
+#include "model/loss/perceptual.h"
+
+#include "engine/core/file.h"
+#include "engine/io/safetensors.h"
+#include "model/loss/torch_file.h"
+#include "tests/support/test_data.h"
+
+#include <ATen/ATen.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+#include <torch/torch.h>
+
+#include <array>
+#include <cmath>
+
+namespace ars {
+namespace {
+
+/// Numbers in [-1, 1) as make_lpips_fixtures.py draws them.
+std::vector<float> uniform(std::size_t count, std::uint64_t seed) {
+    std::vector<float> numbers(count);
+    for (std::size_t i = 0; i < count; ++i) {
+        std::uint64_t z = (seed << 32) + i + 0x9E3779B97F4A7C15ull;
+        z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ull;
+        z = (z ^ (z >> 27)) * 0x94D049BB133111EBull;
+        z ^= z >> 31;
+        numbers[i] = static_cast<float>(static_cast<double>(z >> 40) / double(1 << 23) - 1.0);
+    }
+    return numbers;
+}
+
+at::Tensor picture(std::int64_t height, std::int64_t width, std::uint64_t seed) {
+    const auto values = uniform(static_cast<std::size_t>(height * width * 3), seed);
+    return 0.5 + 0.5 * at::tensor(values).view({height, width, 3});
+}
+
+struct Convolution {
+    const char* name;
+    std::size_t outputs, inputs, side;
+};
+const std::vector<Convolution> kAlex{{"features.0", 64, 3, 11},
+                                     {"features.3", 192, 64, 5},
+                                     {"features.6", 384, 192, 3},
+                                     {"features.8", 256, 384, 3},
+                                     {"features.10", 256, 256, 3}};
+const std::vector<Convolution> kVgg{
+    {"features.0", 64, 3, 3},     {"features.2", 64, 64, 3},    {"features.5", 128, 64, 3},
+    {"features.7", 128, 128, 3},  {"features.10", 256, 128, 3}, {"features.12", 256, 256, 3},
+    {"features.14", 256, 256, 3}, {"features.17", 512, 256, 3}, {"features.19", 512, 512, 3},
+    {"features.21", 512, 512, 3}, {"features.24", 512, 512, 3}, {"features.26", 512, 512, 3},
+    {"features.28", 512, 512, 3}};
+
+SafetensorsFile backbone(const std::vector<Convolution>& convolutions) {
+    const std::vector<float> block = uniform(1 << 16, 7);
+    SafetensorsFile file;
+    for (std::size_t index = 0; index < convolutions.size(); ++index) {
+        const Convolution& c = convolutions[index];
+        const std::size_t fan = c.inputs * c.side * c.side;
+        const auto bound = static_cast<float>(std::sqrt(6.0 / static_cast<double>(fan)));
+        std::vector<float> weight(c.outputs * fan), bias(c.outputs);
+        for (std::size_t i = 0; i < weight.size(); ++i)
+            weight[i] = block[(i * 40503 + index * 977) % block.size()] * bound;
+        for (std::size_t i = 0; i < bias.size(); ++i) bias[i] = 0.05f * block[(i + 31 * index) % block.size()];
+        file.tensors[std::string(c.name) + ".weight"] =
+            Array::fromFloats({c.outputs, c.inputs, c.side, c.side}, weight);
+        file.tensors[std::string(c.name) + ".bias"] = Array::fromFloats({c.outputs}, bias);
+    }
+    return file;
+}
+
+/// Against the package `lpips` on the same random backbone: value, and gradient by the first picture.
+void expectParity(const std::string& net, const std::vector<Convolution>& convolutions) {
+    ARS_TEST_DATA_FILE(heads, "lpips/" + net + ".pth");
+    const auto text = readTextFile(test::sourceFolder() / "tests/unit/model/fixtures/lpips.json");
+    ASSERT_TRUE(text.ok());
+    const auto expected = nlohmann::json::parse(*text).at(net);
+    const test::TemporaryFolder folder;
+    ASSERT_TRUE(writeSafetensors(folder / "backbone.safetensors", backbone(convolutions)).ok());
+    const auto loss = readLpips(folder / "backbone.safetensors", heads);
+    ASSERT_TRUE(loss.ok()) << loss.error().describe();
+    EXPECT_EQ((*loss)->name(), "lpips_" + net);
+    const at::Tensor a = picture(48, 56, 1).requires_grad_(true), b = picture(48, 56, 2);
+    const at::Tensor value = (*loss)->evaluate(a, b);
+    value.backward();
+    EXPECT_NEAR(value.item<double>(), expected.at("value").get<double>(), 1e-5 * expected.at("value").get<double>());
+    const double norm = expected.at("gradient_norm").get<double>();
+    EXPECT_NEAR(a.grad().norm().item<double>(), norm, 1e-4 * norm);
+    const std::array<std::array<std::int64_t, 3>, 4> places{{{0, 0, 0}, {10, 20, 1}, {47, 55, 2}, {30, 5, 0}}};
+    for (std::size_t k = 0; k < places.size(); ++k) {
+        const auto [y, x, c] = places[k];
+        EXPECT_NEAR(a.grad()[y][x][c].item<double>(), expected.at("gradient")[k].get<double>(), 1e-5 * norm);
+    }
+    EXPECT_EQ((*loss)->evaluate(b, b).item<double>(), 0.0);
+}
+
+TEST(Lpips, AlexNetEqualsThePackage) { expectParity("alex", kAlex); }
+TEST(Lpips, Vgg16EqualsThePackage) { expectParity("vgg", kVgg); }
+
+TEST(Lpips, NamesTheTensorThatIsMissingOrWrong) {
+    ARS_TEST_DATA_FILE(heads, "lpips/alex.pth");
+    const test::TemporaryFolder folder;
+    SafetensorsFile file = backbone(kAlex);
+    file.tensors.erase("features.6.bias");
+    ASSERT_TRUE(writeSafetensors(folder / "a.safetensors", file).ok());
+    const auto missing = readLpips(folder / "a.safetensors", heads);
+    ASSERT_FALSE(missing.ok());
+    EXPECT_NE(missing.error().describe().find("features.6.bias"), std::string::npos) << missing.error().describe();
+    const auto wrongHeads = readLpips(folder / "a.safetensors", folder / "none.pth");
+    ASSERT_FALSE(wrongHeads.ok());
+    EXPECT_EQ(wrongHeads.error().code, ErrorCode::NotFound);
+}
+
+TEST(TorchFile, CutOrForeignFilesAreRefused) {
+    ARS_TEST_DATA_FILE(heads, "lpips/alex.pth");
+    auto bytes = readFile(heads);
+    ASSERT_TRUE(bytes.ok());
+    const auto whole = readTorchFile(heads);
+    ASSERT_TRUE(whole.ok()) << whole.error().describe();
+    EXPECT_EQ(whole->at("lin1.model.1.weight").shape, (std::vector<std::size_t>{1, 192, 1, 1}));
+    const test::TemporaryFolder folder;
+    for (std::size_t length = 0; length < bytes->size(); length += 61) {
+        ASSERT_TRUE(writeFileAtomic(folder / "cut.pth", std::span(*bytes).first(length)).ok());
+        EXPECT_FALSE(readTorchFile(folder / "cut.pth").ok()) << length;
+    }
+    // cposix\nsystem\n: what a hostile pickle would call.
+    const std::string hostile = "\x80\x02\x8a\x0a"
+                                "0123456789.cposix\nsystem\nU\x04trueR.";
+    ASSERT_TRUE(writeFileAtomic(folder / "bad.pth", hostile).ok());
+    EXPECT_FALSE(readTorchFile(folder / "bad.pth").ok());
+}
+
+/// MS-SSIM in plain double tensors, all fields by 2-D convolution.
+at::Tensor plainStandIn(const at::Tensor& a, const at::Tensor& b, int scales) {
+    const double weights[5] = {0.0448, 0.2856, 0.3001, 0.2363, 0.1333};
+    at::Tensor line = at::exp(-(at::arange(11, at::kDouble) - 5).square() / 4.5);
+    line = line / line.sum();
+    const at::Tensor window = at::outer(line, line).expand({3, 1, 11, 11}).contiguous();
+    at::Tensor x = a.permute({2, 0, 1}).unsqueeze(0), y = b.permute({2, 0, 1}).unsqueeze(0);
+    const auto filtered = [&](const at::Tensor& t) {
+        return at::conv2d(t, window, {}, at::IntArrayRef{1}, at::IntArrayRef{0}, at::IntArrayRef{1}, 3);
+    };
+    at::Tensor product = at::ones({3}, at::kDouble);
+    double sum = 0;
+    for (int s = 0; s < scales; ++s) sum += weights[s];
+    for (int s = 0; s < scales; ++s) {
+        const at::Tensor mx = filtered(x), my = filtered(y);
+        const at::Tensor vx = filtered(x * x) - mx * mx, vy = filtered(y * y) - my * my, v = filtered(x * y) - mx * my;
+        at::Tensor map = (2 * v + 9e-4) / (vx + vy + 9e-4);
+        if (s + 1 == scales) map = map * (2 * mx * my + 1e-4) / (mx * mx + my * my + 1e-4);
+        product = product * map.mean({0, 2, 3}).clamp_min(1e-4).pow(weights[s] / sum);
+        x = at::avg_pool2d(x, {2, 2});
+        y = at::avg_pool2d(y, {2, 2});
+    }
+    const at::Tensor d = a - b;
+    const at::Tensor across = (d.narrow(1, 1, d.size(1) - 1) - d.narrow(1, 0, d.size(1) - 1)).abs();
+    const at::Tensor down = (d.narrow(0, 1, d.size(0) - 1) - d.narrow(0, 0, d.size(0) - 1)).abs();
+    return (1 - product.mean()) / 2 + (across.sum() + down.sum()) / static_cast<double>(across.numel() + down.numel());
+}
+
+TEST(MsSsimGradient, ValueAndGradientAreThoseOfThePlainFormula) {
+    const auto loss = msSsimGradientLoss();
+    EXPECT_EQ(loss->name(), "ms_ssim_gradient");
+    for (const auto& [height, width, scales] : {std::array{47, 53, 3}, {13, 30, 1}, {23, 25, 2}}) {
+        const at::Tensor b = picture(height, width, 3).to(at::kDouble);
+        const at::Tensor start = 0.7 * b + 0.3 * picture(height, width, 4).to(at::kDouble);
+        at::Tensor x = start.clone().requires_grad_(true), y = start.clone().requires_grad_(true);
+        const at::Tensor ours = loss->evaluate(x, b), plain = plainStandIn(y, b, scales);
+        EXPECT_NEAR(ours.item<double>(), plain.item<double>(), 1e-12);
+        ours.backward();
+        plain.backward();
+        const double largest = y.grad().abs().max().item<double>();
+        EXPECT_LT((x.grad() - y.grad()).abs().max().item<double>(), 1e-9 * largest);
+        const at::Tensor rough = loss->evaluate(start.to(at::kFloat), b.to(at::kFloat));
+        EXPECT_NEAR(rough.item<double>(), plain.item<double>(), 1e-5);
+    }
+}
+
+TEST(MsSsimGradient, IsZeroForEqualPicturesOfAnySize) {
+    const auto loss = msSsimGradientLoss();
+    for (const std::int64_t side : {4, 11, 40}) {
+        const at::Tensor a = picture(side, side + 3, 5);
+        EXPECT_NEAR(loss->evaluate(a, a).item<double>(), 0.0, 1e-6);
+    }
+}
+
+} // namespace
+} // namespace ars
