@@ -112,7 +112,9 @@ TrainingConfig compactPreset() {
     config.schedule.geometryShare = 0.25;
     config.schedule.bandPixels = 0;
     config.loss.opacityMask = 0.1;
+    config.loss.consistency = config.loss.consistencyEnd = 0.01;
     config.loss.radianceInPbr = 0.5;
+    config.splat.depth = DepthMode::Filtered;
     config.decoding.scaleFactor = 0.55;
     config.decoding.insetM = 0.005;
     config.schedule.networkRate = 2e-3;

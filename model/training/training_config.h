@@ -23,7 +23,7 @@ struct ScheduleParams {
     int pbrSteps = 0;          ///< stage 2
     double networkRate = 5e-4; ///< Adam rate of the networks in stages 0 and 1
     double networkRatePbr = 1e-4;
-    double geometryShare = 1.0; ///< of the networks' rate, for those of geometry
+    double geometryShare = 1.0;     ///< of the networks' rate, for those of geometry
     double baseRate = 5e-3;         ///< of the per-surfel base attributes (`learn_base`)
     double baseGeometryShare = 0.2; ///< of baseRate for position, scale, rotation and opacity
     double lightRate = 1e-2;
@@ -33,7 +33,7 @@ struct ScheduleParams {
     double beta1 = 0.9, beta2 = 0.999;
     int viewsPerStep = 1;             ///< cameras of one pose that share one evaluation of the networks
     int imageScale = 1;               ///< pictures are made this much smaller
-    int bandPixels = 2;         ///< half-width of the band along the outline in which nothing is compared
+    int bandPixels = 2;               ///< half-width of the band along the outline in which nothing is compared
     int cropMargin = 16;              ///< pixels around the person; negative: whole pictures
     int perceptualCropAfter = 300000; ///< steps of stage 1 after which the perceptual loss looks at windows
     int perceptualSize = 512;         ///< its square, pixels

@@ -84,7 +84,8 @@ const ParameterTable<ScheduleParams>& scheduleParameters() {
          {0, 32},
          "px",
          Advanced,
-         "Half-width of the band along the outline in which nothing is compared; pixels of soft alpha always belong to it."},
+         "Half-width of the band along the outline in which nothing is compared; pixels of soft alpha always belong to "
+         "it."},
         {"crop_margin",
          &S::cropMargin,
          {-1, 4096},
