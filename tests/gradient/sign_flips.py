@@ -90,7 +90,8 @@ def compile_one(source, overlay, build, torch):
                f"-I{overlay}", f"-I{ROOT}", "-isystem", "/usr/include/eigen3"]
     if torch:
         include = ROOT / ".deps/torch/torch/include"
-        command += ["-isystem", str(include), "-isystem", str(include / "torch/csrc/api/include")]
+        # As the build does it: LibTorch's headers bring a fmt of their own.
+        command += ["-DFMT_HEADER_ONLY=1", "-isystem", str(include), "-isystem", str(include / "torch/csrc/api/include")]
     done = subprocess.run(command + ["-c", str(path), "-o", str(target)], capture_output=True, text=True)
     if done.returncode != 0:
         sys.exit(f"{source} does not compile with its flips:\n{done.stderr[:4000]}")
