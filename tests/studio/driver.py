@@ -61,6 +61,7 @@ class Studio:
         self.timings = self.folder / "timings.json"
         self.number = int(time.time() * 1000)
         self.log = open(self.folder / "log.txt", "ab")
+        self.size = size
         command = [os.environ["ARS_PROGRAM"], "studio", *map(str, arguments), "--size", size, "--state-folder",
                    str(self.state), "--script-probe", str(self.probe), "--timings", str(self.timings)]
         env = dict(os.environ, ARS_FILE_CHOOSER="internal", ARS_STATE=str(self.state), **(environment or {}))
@@ -174,7 +175,8 @@ class Studio:
         raise AssertionError(f"no widget {item} on the screen; kept {self.folder / 'missing.png'}")
 
     def screenshot(self, path):
-        subprocess.run(["import", "-window", "root", str(path)], check=True)
+        """The window, which stands in the corner of a screen that may be larger."""
+        subprocess.run(["import", "-window", "root", "-crop", f"{self.size}+0+0", "+repage", str(path)], check=True)
         return path
 
     def picture(self):
