@@ -106,14 +106,19 @@ Result<at::Tensor> viewMap(const AvatarModel& model, const Pose& pose, const Cam
     std::vector<glm::vec3> points(maps.pointCount()), normals(maps.pointCount());
     ARS_TRY_STATUS(skinPointsAndNormals(matrices, maps.weights, maps.positions, maps.normals, points, normals));
     const glm::vec3 eye(camera.centerWorld());
-    std::vector<float> cosines(points.size());
+    const int channels = viewMapChannels(model.spec.network);
+    std::vector<float> rows;
+    rows.reserve(static_cast<std::size_t>(channels) * points.size());
     for (std::size_t i = 0; i < points.size(); ++i) {
         const glm::vec3 away = eye - points[i];
         glm::vec3 direction = away / std::max(glm::length(away), 1e-3f);
         if (!noise.empty()) direction = glm::normalize(direction + noise[i]);
-        cosines[i] = glm::dot(normals[i], direction);
+        rows.push_back(glm::dot(normals[i], direction));
+        if (channels == 1) continue;
+        const glm::vec3 normal = normals[i] / std::max(glm::length(normals[i]), 1e-6f);
+        for (int axis = 0; axis < 3; ++axis) rows.push_back(normal[axis]);
     }
-    return planesOf(maps, cosines, 1);
+    return planesOf(maps, rows, channels);
 }
 
 Result<PosingContext> posingContext(const AvatarModel& model, const Pose& pose, const PoseSurfelsParams& params) {

@@ -56,7 +56,8 @@ Result<PoseMaps> poseMaps(const AvatarModel& model, const Pose& pose, bool proje
 /// The same as the networks take them; constant canonical maps with AvatarNetworkConfig::canonicalOnly.
 Result<AvatarNetworkInputs> networkInputs(const AvatarModel& model, const PoseMaps& maps);
 /// View map of a camera (avatar reference 1.6): cosine of the angle between the skinned template's normal and the
-/// direction to the camera, (2, 1, S, S). `noise` (p) is added to the directions (training), or empty.
+/// direction to the camera, (2, V, S, S); with AvatarNetworkConfig::viewNormals the normal in the world follows, which
+/// tells a turning person from a turning camera. `noise` (p) is added to the directions (training), or empty.
 Result<at::Tensor> viewMap(const AvatarModel& model, const Pose& pose, const Camera& camera,
                            std::span<const glm::vec3> noise = {});
 /// What stage 4 needs of a pose.

@@ -51,6 +51,13 @@ const ParameterTable<AvatarNetworkConfig>& avatarNetworkParameters() {
          Expert,
          "The networks see the front position map alone, as Animatable Gaussians'."},
         {"view_dependent", &P::viewDependent, {}, "", Advanced, "The radiance colour sees the view map [V]."},
+        {"view_normals",
+         &P::viewNormals,
+         {},
+         "",
+         Advanced,
+         "The view map also holds the normal in the world, so that the colour follows a fixed light as the person "
+         "turns."},
         {"canonical_only",
          &P::canonicalOnly,
          {},
@@ -61,6 +68,8 @@ const ParameterTable<AvatarNetworkConfig>& avatarNetworkParameters() {
     };
     return table;
 }
+
+int viewMapChannels(const AvatarNetworkConfig& config) { return config.viewNormals ? 4 : 1; }
 
 struct AvatarNetwork::Parts {
     std::vector<AvatarPart> parts;
@@ -84,7 +93,7 @@ Result<AvatarNetwork> AvatarNetwork::create(const AvatarNetworkConfig& config, s
         network.tensors_.append(name + ".", encoder->tensors());
     };
     if (config.priors == PriorMode::Encoder) addEncoder(parts->priorEncoder, "prior_encoder", 5);
-    if (config.viewDependent) addEncoder(parts->viewEncoder, "view_encoder", 1);
+    if (config.viewDependent) addEncoder(parts->viewEncoder, "view_encoder", viewMapChannels(config));
     network.parts_ = parts;
     return network;
 }
@@ -111,7 +120,8 @@ RawAttributes AvatarNetwork::evaluate(const AvatarNetworkInputs& inputs, const a
         for (std::size_t v = 0; wanted.colors && v < views.size(); ++v) {
             const std::int64_t size = config_.inputSize;
             const at::Tensor maps =
-                views[v].defined() ? views[v] : at::zeros({2, 1, size, size}, inputs.positions.options());
+                views[v].defined() ? views[v]
+                                   : at::zeros({2, viewMapChannels(config_), size, size}, inputs.positions.options());
             const auto features = sidesOf(parts_->viewEncoder->evaluate(maps));
             colors.push_back(gather(unet.evaluateColorSides(trunk, features), pixels));
         }

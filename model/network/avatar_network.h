@@ -38,12 +38,16 @@ struct AvatarNetworkConfig {
     PriorMode priors = PriorMode::Encoder;
     bool frontOnly = false;     ///< only the front position map, as Animatable Gaussians does
     bool viewDependent = true;  ///< radiance colour sees the view map
+    bool viewNormals = false;   ///< which then also holds the normal in the world
     bool canonicalOnly = false; ///< ablation: the networks always see the canonical maps
     bool zeroOutputs = true;    ///< networks start at 0: the template itself
 
     bool operator==(const AvatarNetworkConfig&) const = default;
 };
 const ParameterTable<AvatarNetworkConfig>& avatarNetworkParameters();
+/// Channels V of the view map: the cosine between normal and direction to the camera; with `viewNormals` also the
+/// normal.
+int viewMapChannels(const AvatarNetworkConfig& config);
 
 /// Raw outputs of the networks at the maps' P points, before decoding (float).
 struct RawAttributes {
@@ -66,7 +70,7 @@ struct WantedAttributes {
 struct AvatarNetworkInputs {
     at::Tensor positions; ///< (2, 3, S, S): front and back position map
     at::Tensor priors;    ///< (2, 5, S, S), or undefined with PriorMode::Off
-    at::Tensor view;      ///< (2, 1, S, S), or undefined: colours as seen with a view map of zeros
+    at::Tensor view;      ///< (2, V, S, S), or undefined: colours as seen with a view map of zeros
 };
 
 /// Everything that stage 3 of a frame learns: StyleUNets, prior encoder, view encoder.
@@ -84,7 +88,7 @@ public:
     RawAttributes evaluate(const AvatarNetworkInputs& inputs, const at::Tensor& pixels,
                            WantedAttributes wanted = {}) const;
 
-    /// The colours of several views of one pose: (P, 3) for each view map (2, 1, S, S); the trunk is evaluated once.
+    /// The colours of several views of one pose: (P, 3) for each view map (2, V, S, S); the trunk is evaluated once.
     /// Where there is no view map in use all entries are the same tensor.
     std::vector<at::Tensor> evaluateColors(const AvatarNetworkInputs& inputs, const at::Tensor& pixels,
                                            const std::vector<at::Tensor>& views) const;

@@ -55,7 +55,8 @@ InferenceNetwork InferenceNetwork::create(const AvatarNetwork& network, NetworkP
         parts.unets.emplace_back(part.config, network.tensors(), part.name + ".", type);
     }
     if (network.config().priors == PriorMode::Encoder) parts.priorEncoder = copyOf(network, "prior_encoder.", 5);
-    if (network.config().viewDependent) parts.viewEncoder = copyOf(network, "view_encoder.", 1);
+    if (network.config().viewDependent)
+        parts.viewEncoder = copyOf(network, "view_encoder.", viewMapChannels(network.config()));
     return result;
 }
 
@@ -64,7 +65,7 @@ at::Tensor InferenceNetwork::colorsOfLastPose(const at::Tensor& pixels, const at
     InferenceUnet* unet = parts_->colors();
     if (!unet->hasPose() || !config_.viewDependent) return {};
     const std::int64_t size = config_.inputSize;
-    const at::Tensor maps = view.defined() ? view : at::zeros({2, 1, size, size}, at::kFloat);
+    const at::Tensor maps = view.defined() ? view : at::zeros({2, viewMapChannels(config_), size, size}, at::kFloat);
     const auto sides = unet->evaluateColors(sidesOf(parts_->viewEncoder->evaluate(maps)));
     return gatherSides(sides[0], sides[1], pixels);
 }

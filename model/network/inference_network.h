@@ -30,7 +30,7 @@ public:
     std::vector<at::Tensor> evaluateColors(const AvatarNetworkInputs& inputs, const at::Tensor& pixels,
                                            const std::vector<at::Tensor>& views);
 
-    /// Colours (P, 3) of the last evaluated pose for another view map (2, 1, S, S) (undefined: zeros): only the last
+    /// Colours (P, 3) of the last evaluated pose for another view map (2, V, S, S) (undefined: zeros): only the last
     /// level that sees the view runs. An undefined tensor where colours were not evaluated since `create`.
     at::Tensor colorsOfLastPose(const at::Tensor& pixels, const at::Tensor& view);
 

@@ -10,7 +10,7 @@
 
 namespace ars {
 
-/// What a network does with the view map (one number a pixel: cosine between normal and direction to the camera).
+/// What a network does with the view map (viewMapChannels).
 enum class ViewInjection {
     None,
     LastLevel, ///< added to the features before the last level of both decoders (avatar reference 1.6)

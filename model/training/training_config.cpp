@@ -87,6 +87,7 @@ TrainingConfig tinyPreset() {
     config.network.inputSize = 64;
     config.network.channelMultiplier = 0.25;
     config.network.maxChannels = 32;
+    config.network.viewNormals = true;
     config.decoding.learnBase = true;
     config.schedule.radianceSteps = 60;
     config.schedule.pbrSteps = 60;
@@ -106,10 +107,12 @@ TrainingConfig compactPreset() {
     config.network.inputSize = 128;
     config.network.channelMultiplier = 0.5;
     config.network.maxChannels = 64;
+    config.network.viewNormals = true;
     config.decoding.learnBase = true;
-    config.schedule.radianceSteps = 1500;
-    config.schedule.pbrSteps = 1500;
+    config.schedule.radianceSteps = 1000;
+    config.schedule.pbrSteps = 3000;
     config.schedule.geometryShare = 0.25;
+    config.schedule.lightRate = 3e-2;
     config.schedule.bandPixels = 0;
     config.loss.opacityMask = 0.1;
     config.loss.consistency = config.loss.consistencyEnd = 0.01;
@@ -136,6 +139,7 @@ TrainingConfig studioPreset() {
     config.network.inputSize = 256;
     config.network.channelMultiplier = 1.0;
     config.network.maxChannels = 128;
+    config.network.viewNormals = true;
     config.network.zeroOutputs = false;
     config.schedule.templateSteps = 1000;
     config.schedule.radianceSteps = 100000;
@@ -158,6 +162,7 @@ TrainingConfig paperPreset() {
     config.network.inputSize = 512;
     config.network.channelMultiplier = 2.0;
     config.network.maxChannels = 512;
+    config.network.viewNormals = false;
     config.decoding.initialScale = InitialScale::Neighbours;
     config.decoding.scaleFactor = 1.0;
     config.decoding.initialOpacity = 0.1;

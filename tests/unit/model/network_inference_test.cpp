@@ -6,7 +6,7 @@
 namespace ars {
 namespace {
 
-AvatarNetworkConfig smallConfig(NetworkSplit split, bool viewDependent) {
+AvatarNetworkConfig smallConfig(NetworkSplit split, bool viewDependent, bool viewNormals = false) {
     AvatarNetworkConfig config;
     config.split = split;
     config.inputSize = 64;
@@ -15,12 +15,13 @@ AvatarNetworkConfig smallConfig(NetworkSplit split, bool viewDependent) {
     config.styleSize = 16;
     config.zeroOutputs = false;
     config.viewDependent = viewDependent;
+    config.viewNormals = viewNormals;
     return config;
 }
 
-AvatarNetworkInputs someInputs() {
+AvatarNetworkInputs someInputs(int viewChannels = 1) {
     torch::manual_seed(31);
-    return {torch::randn({2, 3, 64, 64}), torch::randn({2, 5, 64, 64}), torch::randn({2, 1, 64, 64})};
+    return {torch::randn({2, 3, 64, 64}), torch::randn({2, 5, 64, 64}), torch::randn({2, viewChannels, 64, 64})};
 }
 
 /// A network whose biases and noise strengths are not the zeros that they start at.
@@ -63,6 +64,19 @@ void expectAgreement(NetworkPrecision precision, double tolerance) {
 }
 
 TEST(InferenceNetwork, GivesWhatTheTrainingFormGives) { expectAgreement(NetworkPrecision::Float32, 1e-4); }
+
+TEST(InferenceNetwork, TakesViewMapsWithNormals) {
+    const at::NoGradGuard noGradients;
+    const at::Tensor pixels = torch::arange(0, 128 * 256, 11);
+    AvatarNetworkInputs inputs = someInputs(4);
+    const AvatarNetwork network = trainedLike(smallConfig(NetworkSplit::Two, true, true));
+    InferenceNetwork folded = InferenceNetwork::create(network, NetworkPrecision::Float32);
+    const at::Tensor seen = folded.evaluate(inputs, pixels).colors;
+    EXPECT_LT(relative(seen, network.evaluate(inputs, pixels).colors), 1e-4);
+    inputs.view = at::Tensor();
+    EXPECT_LT(relative(folded.evaluate(inputs, pixels).colors, network.evaluate(inputs, pixels).colors), 1e-4);
+    EXPECT_GT(relative(folded.evaluate(inputs, pixels).colors, seen), 1e-3);
+}
 
 TEST(InferenceNetwork, GivesNearlyThatInBFloat16) { expectAgreement(NetworkPrecision::BFloat16, 2e-2); }
 

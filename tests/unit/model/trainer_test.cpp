@@ -186,6 +186,35 @@ TEST_F(TrainerTest, BrokenAvatarFilesAreNamed) {
     EXPECT_NE(model.error().describe().find("99"), std::string::npos) << model.error().describe();
 }
 
+TEST(ViewMap, HoldsTheCosineAndWhenAskedTheNormalInTheWorld) {
+    const auto body = std::make_shared<const BodyModel>(readOpenBody().value());
+    const auto avatar = [&](bool normals) {
+        AvatarSpec spec;
+        spec.network = smallConfig().network;
+        spec.network.viewNormals = normals;
+        return createAvatar(std::move(spec), templateFromBody(*body), body, 1).value();
+    };
+    const AvatarModel model = avatar(true);
+    Camera camera;
+    camera.translation = {0.0, 0.0, 1e6};
+    Pose pose;
+    pose.rotations.resize(model.mesh.skeleton().jointCount(), glm::quat(1, 0, 0, 0));
+    const auto mapOf = [&](const AvatarModel& of) { return viewMap(of, pose, camera).value(); };
+    const at::Tensor still = mapOf(model);
+    ASSERT_EQ(still.sizes(), at::IntArrayRef({2, 4, 64, 64}));
+    EXPECT_TRUE(at::equal(still.slice(1, 0, 1), mapOf(avatar(false))));
+    // From far away in -z the cosine is that of the normal to -z.
+    EXPECT_LT((still.slice(1, 0, 1) + still.slice(1, 3, 4)).abs().max().item<double>(), 1e-4);
+    EXPECT_GT(still.slice(1, 3, 4).abs().max().item<double>(), 0.9);
+
+    // A quarter turn about y takes z to x and x to -z.
+    pose.rotations[0] = glm::angleAxis(glm::half_pi<float>(), glm::vec3(0, 1, 0));
+    const at::Tensor turned = mapOf(model);
+    EXPECT_LT((turned.slice(1, 1, 2) - still.slice(1, 3, 4)).abs().max().item<double>(), 1e-5);
+    EXPECT_LT((turned.slice(1, 3, 4) + still.slice(1, 1, 2)).abs().max().item<double>(), 1e-5);
+    EXPECT_LT((turned.slice(1, 2, 3) - still.slice(1, 2, 3)).abs().max().item<double>(), 1e-5);
+}
+
 TEST(SurfelDecoding, WithoutNetworkOutputsSurfelsLieOnTheTemplateAndFaceOutwards) {
     const BodyModel body = readOpenBody().value();
     CanonicalMapOptions options;
