@@ -40,6 +40,7 @@ struct Builder {
     NetworkTensors& tensors;
     Initializer& random;
 
+    int width(int side) const { return levelWidth(config, side); }
     ConvolutionLayer convolution(const std::string& weight, const std::string& bias, int in, int out, int size) const {
         ConvolutionLayer layer;
         layer.weight = tensors.parameter(weight, random.normal({out, in, size, size}));
@@ -139,6 +140,12 @@ struct StyleUnet::Layers {
     at::Tensor priorProjection, viewProjection;
     at::Tensor style; ///< what the mapping starts from, normalised
 
+    void addMapping(const Builder& build);
+    void addEncoder(const Builder& build);
+    void addDecoders(const Builder& build);
+    void addColorCopy(const Builder& build);
+    void addProjections(const Builder& build);
+
     at::Tensor styleOf() const;
     std::vector<at::Tensor> encode(const at::Tensor& maps) const;
     at::Tensor skipHalf(const ConvolutionLayer& combine, const at::Tensor& skip) const;
@@ -149,45 +156,47 @@ struct StyleUnet::Layers {
                      const at::Tensor& style) const;
 };
 
-Result<StyleUnet> StyleUnet::create(const StyleUnetConfig& config, std::uint64_t seed) {
-    ARS_TRY_STATUS(checkConfig(config));
-    StyleUnet network;
-    network.config_ = config;
-    Initializer random(seed);
-    const Builder build{config, network.tensors_, random};
-    auto layers = std::make_shared<Layers>();
-    const int levels = levelCount(config);
-    const int size = config.inputSize;
-    const auto width = [&](int side) { return levelWidth(config, side); };
+// The order in which layers are built is the order in which their first values are drawn.
 
-    layers->style = at::full({config.styleSize}, 1 / std::sqrt(static_cast<double>(config.styleSize)), at::kFloat);
-    layers->style = layers->style / (layers->style.square().mean() + 1e-8).sqrt();
+void StyleUnet::Layers::addMapping(const Builder& build) {
+    const StyleUnetConfig& config = build.config;
+    style = at::full({config.styleSize}, 1 / std::sqrt(static_cast<double>(config.styleSize)), at::kFloat);
+    style = style / (style.square().mean() + 1e-8).sqrt();
     for (int i = 1; i <= config.mappingLayers; ++i) {
         ConvolutionLayer layer;
         const std::string name = fmt::format("style.{}", i);
-        layer.weight = network.tensors_.parameter(
-            name + ".weight", random.normal({config.styleSize, config.styleSize}, 1 / kMappingRate));
-        layer.bias = network.tensors_.parameter(name + ".bias", zeros({config.styleSize}));
-        layers->mapping.push_back(layer);
+        layer.weight = build.tensors.parameter(
+            name + ".weight", build.random.normal({config.styleSize, config.styleSize}, 1 / kMappingRate));
+        layer.bias = build.tensors.parameter(name + ".bias", zeros({config.styleSize}));
+        mapping.push_back(layer);
     }
-    layers->input = build.convolution("conv_in.1.weight", "conv_in.2.bias", config.inputChannels, width(size / 2), 3);
+}
+
+void StyleUnet::Layers::addEncoder(const Builder& build) {
+    const int levels = levelCount(build.config), size = build.config.inputSize, maps = build.config.inputChannels;
+    input = build.convolution("conv_in.1.weight", "conv_in.2.bias", maps, build.width(size / 2), 3);
     for (int i = 0; i < levels - 1; ++i) {
-        const int here = width(size >> (i + 1)), next = width(size >> (i + 2));
+        const int here = build.width(size >> (i + 1)), next = build.width(size >> (i + 2));
         const std::string map = fmt::format("from_rgbs.{}.conv.", i), block = fmt::format("cond_convs.{}.", i);
-        layers->fromMaps.push_back(build.convolution(map + "0.weight", map + "1.bias", config.inputChannels, here, 1));
-        layers->same.push_back(build.convolution(block + "conv1.0.weight", block + "conv1.1.bias", here, here, 3));
-        layers->halve.push_back(build.convolution(block + "conv2.1.weight", block + "conv2.2.bias", here, next, 3));
+        fromMaps.push_back(build.convolution(map + "0.weight", map + "1.bias", maps, here, 1));
+        same.push_back(build.convolution(block + "conv1.0.weight", block + "conv1.1.bias", here, here, 3));
+        halve.push_back(build.convolution(block + "conv2.1.weight", block + "conv2.2.bias", here, next, 3));
     }
     for (int i = 0; i < levels; ++i) {
-        const int here = width(size >> (i + 1));
+        const int here = build.width(size >> (i + 1));
         const std::string name = fmt::format("comb_convs.{}.", i);
-        layers->combine.push_back(
+        combine.push_back(
             build.convolution(name + "0.weight", name + "1.bias", i + 1 < levels ? 2 * here : here, here, 3));
     }
+}
+
+void StyleUnet::Layers::addDecoders(const Builder& build) {
+    const StyleUnetConfig& config = build.config;
+    const int levels = levelCount(config);
     for (int side = 0; side < 2; ++side) {
-        DecoderLayers& decoder = layers->decoders[static_cast<std::size_t>(side)];
+        DecoderLayers& decoder = decoders[static_cast<std::size_t>(side)];
         for (int k = 0; k < levels; ++k) {
-            const int in = width(kBottleneck << k), out = width(kBottleneck << (k + 1));
+            const int in = build.width(kBottleneck << k), out = build.width(kBottleneck << (k + 1));
             const int channels = config.outputChannels - (k + 1 == levels ? config.colorChannels : 0);
             decoder.styled.push_back(build.styled(fmt::format("convs{}.{}", side + 1, 2 * k), in, out));
             decoder.styled.push_back(build.styled(fmt::format("convs{}.{}", side + 1, 2 * k + 1), out, out));
@@ -196,30 +205,47 @@ Result<StyleUnet> StyleUnet::create(const StyleUnetConfig& config, std::uint64_t
     }
     for (int n = 0; n < 2 * levels; ++n) {
         const int side = kBottleneck << (n / 2 + 1);
-        layers->noises.push_back(
-            network.tensors_.constant(fmt::format("noises.noise_{}", n), random.normal({1, 1, side, side})));
+        noises.push_back(
+            build.tensors.constant(fmt::format("noises.noise_{}", n), build.random.normal({1, 1, side, side})));
     }
-    if (config.view == ViewInjection::ColorCopy) {
-        const int in = width(size / 2), out = width(size);
-        layers->copyCombine = build.convolution("color_comb.0.weight", "color_comb.1.bias", 2 * in, in, 3);
-        for (int side = 0; side < 2; ++side) {
-            DecoderLayers& copy = layers->copies[static_cast<std::size_t>(side)];
-            copy.styled.push_back(build.styled(fmt::format("color_convs{}.0", side + 1), in, out));
-            copy.styled.push_back(build.styled(fmt::format("color_convs{}.1", side + 1), out, out));
-            copy.colors.push_back(build.color(fmt::format("color_to_rgbs{}.0", side + 1), out, config.colorChannels));
-        }
+}
+
+void StyleUnet::Layers::addColorCopy(const Builder& build) {
+    const StyleUnetConfig& config = build.config;
+    const int in = build.width(config.inputSize / 2), out = build.width(config.inputSize);
+    copyCombine = build.convolution("color_comb.0.weight", "color_comb.1.bias", 2 * in, in, 3);
+    for (int side = 0; side < 2; ++side) {
+        DecoderLayers& copy = copies[static_cast<std::size_t>(side)];
+        copy.styled.push_back(build.styled(fmt::format("color_convs{}.0", side + 1), in, out));
+        copy.styled.push_back(build.styled(fmt::format("color_convs{}.1", side + 1), out, out));
+        copy.colors.push_back(build.color(fmt::format("color_to_rgbs{}.0", side + 1), out, config.colorChannels));
     }
-    const int sideWidth = width(size / 2);
-    if (sideWidth != kSideFeatureWidth) {
-        if (config.priors) {
-            layers->priorProjection =
-                build.convolution("prior_projection.weight", "", kSideFeatureWidth, sideWidth, 1).weight;
-        }
-        if (config.view != ViewInjection::None) {
-            layers->viewProjection =
-                build.convolution("view_projection.weight", "", kSideFeatureWidth, sideWidth, 1).weight;
-        }
+}
+
+/// 1x1 projections of the side features, where the level that they join has another width.
+void StyleUnet::Layers::addProjections(const Builder& build) {
+    const int sideWidth = build.width(build.config.inputSize / 2);
+    if (sideWidth == kSideFeatureWidth) return;
+    if (build.config.priors) {
+        priorProjection = build.convolution("prior_projection.weight", "", kSideFeatureWidth, sideWidth, 1).weight;
     }
+    if (build.config.view != ViewInjection::None) {
+        viewProjection = build.convolution("view_projection.weight", "", kSideFeatureWidth, sideWidth, 1).weight;
+    }
+}
+
+Result<StyleUnet> StyleUnet::create(const StyleUnetConfig& config, std::uint64_t seed) {
+    ARS_TRY_STATUS(checkConfig(config));
+    StyleUnet network;
+    network.config_ = config;
+    Initializer random(seed);
+    const Builder build{config, network.tensors_, random};
+    auto layers = std::make_shared<Layers>();
+    layers->addMapping(build);
+    layers->addEncoder(build);
+    layers->addDecoders(build);
+    if (config.view == ViewInjection::ColorCopy) layers->addColorCopy(build);
+    layers->addProjections(build);
     network.layers_ = layers;
     return network;
 }

@@ -94,6 +94,7 @@ TrainingConfig tinyPreset() {
     config.schedule.networkRate = 2e-3;
     config.schedule.networkRatePbr = 2e-3;
     config.schedule.viewsPerStep = 2;
+    config.schedule.perceptualSize = 0;
     config.light.cubeSize = 64;
     config.occlusion.quality = OcclusionQuality::Interactive;
     config.occlusion.interactiveDirections = 64;
@@ -125,6 +126,7 @@ TrainingConfig compactPreset() {
     config.schedule.baseRate = 1e-2;
     config.schedule.radiusRate = 5e-3;
     config.schedule.viewsPerStep = 4;
+    config.schedule.perceptualSize = 0;
     config.light.cubeSize = 64;
     config.occlusion.quality = OcclusionQuality::Interactive;
     config.occlusion.interactiveDirections = 128;
@@ -214,6 +216,9 @@ Status checkLosses(const TrainingConfig& config) {
                        "LPIPS needs both weight files, found one (leave both empty for the stand-in)");
     }
     const bool pictures = config.schedule.radianceSteps + config.schedule.pbrSteps > 0;
+    if (const int size = config.schedule.perceptualSize; size > 0 && size < 32) {
+        return invalid("schedule.perceptual_size", fmt::format("expected 0 or at least 32 pixels, found {}", size));
+    }
     if (pictures && loss.l1 == 0 && loss.perceptual == 0) {
         return invalid("loss", "l1 and perceptual are both 0, expected a loss that looks at the pictures");
     }

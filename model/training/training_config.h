@@ -35,8 +35,8 @@ struct ScheduleParams {
     int imageScale = 1;               ///< pictures are made this much smaller
     int bandPixels = 2;               ///< half-width of the band along the outline in which nothing is compared
     int cropMargin = 16;              ///< pixels around the person; negative: whole pictures
-    int perceptualCropAfter = 300000; ///< steps of stage 1 after which the perceptual loss looks at windows
-    int perceptualSize = 512;         ///< its square, pixels
+    int perceptualCropAfter = 300000; ///< steps after stage 0 from which on the perceptual loss looks at windows
+    int perceptualSize = 512;         ///< side of the square in which it sees the person; 0: the picture as it is
     double viewNoise = 0.1;           ///< added to the direction of the view map
     int seed = 1;
 
@@ -100,7 +100,6 @@ struct RunParams {
     int metricsSteps = 1;
     int cacheMegabytes = 1024;
     std::string cacheFolder;
-    bool deterministic = true; ///< the same numbers whatever the threads
 
     bool operator==(const RunParams&) const = default;
 };

@@ -97,8 +97,13 @@ const ParameterTable<ScheduleParams>& scheduleParameters() {
          {0, kMostSteps},
          "",
          Expert,
-         "Steps of stage 1 after which the perceptual loss looks at windows instead of the whole person."},
-        {"perceptual_size", &S::perceptualSize, {32, 4096}, "px", Expert, "Side of the perceptual loss's square."},
+         "Steps after stage 0 from which on the perceptual loss looks at windows instead of the whole person."},
+        {"perceptual_size",
+         &S::perceptualSize,
+         {0, 4096},
+         "px",
+         Expert,
+         "Side of the square in which the perceptual loss sees the person; 0 compares the pictures as they are."},
         {"view_noise",
          &S::viewNoise,
          {0, 10},
@@ -244,12 +249,6 @@ const ParameterTable<RunParams>& runParameters() {
          Advanced,
          "Memory for pictures that were read and cropped."},
         {"cache_folder", &R::cacheFolder, {}, "", Advanced, "Folder that keeps them between runs; empty for none."},
-        {"deterministic",
-         &R::deterministic,
-         {},
-         "",
-         Advanced,
-         "The same numbers whatever the threads; a resumed run then equals an uninterrupted one bit for bit."},
     };
     return table;
 }

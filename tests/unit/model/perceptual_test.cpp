@@ -2,6 +2,7 @@
 
 #include "engine/core/file.h"
 #include "engine/io/safetensors.h"
+#include "model/loss/perceptual_patch.h"
 #include "model/loss/torch_file.h"
 #include "tests/support/test_data.h"
 
@@ -181,6 +182,37 @@ TEST(MsSsimGradient, IsZeroForEqualPicturesOfAnySize) {
         const at::Tensor a = picture(side, side + 3, 5);
         EXPECT_NEAR(loss->evaluate(a, a).item<double>(), 0.0, 1e-6);
     }
+}
+
+TEST(PerceptualPatch, SquareIsThePersonsLongerSideAboutTheirCentre) {
+    at::Tensor inside = at::zeros({20, 30, 1});
+    inside.slice(0, 3, 15).slice(1, 10, 14).fill_(1.0); // 12 high, 4 wide
+    EXPECT_EQ(personSquare(inside), (PictureSquare{6, 3, 12}));
+    inside.slice(0, 8, 9).slice(1, 0, 30).fill_(1.0); // now 30 wide: reaches above and below
+    EXPECT_EQ(personSquare(inside), (PictureSquare{0, -6, 30}));
+    EXPECT_EQ(personSquare(at::zeros({20, 30, 1})), (PictureSquare{0, -5, 30}));
+}
+
+TEST(PerceptualPatch, ShowsTheBackgroundBeyondThePictureAndThePixelsAsTheyAre) {
+    const at::Tensor original = picture(6, 8, 3), background = at::tensor({0.2f, 0.4f, 0.6f});
+    const at::Tensor patch = perceptualPatch(original, {-2, 1, 7}, 7, background);
+    ASSERT_EQ(patch.sizes(), at::IntArrayRef({7, 7, 3}));
+    EXPECT_LT((patch.slice(0, 0, 5).slice(1, 2, 7) - original.slice(0, 1, 6).slice(1, 0, 5)).abs().max().item<double>(),
+              1e-6);
+    EXPECT_LT((patch.slice(1, 0, 2) - background).abs().max().item<double>(), 1e-6);
+    EXPECT_LT((patch.slice(0, 5, 7) - background).abs().max().item<double>(), 1e-6);
+}
+
+TEST(PerceptualPatch, ResizesAboutPixelCentres) {
+    // A ramp stays a ramp: at size 2 n the centres lie at (i + 0.5) / 2.
+    const at::Tensor ramp = at::arange(8, at::kFloat).view({1, 8, 1}).expand({8, 8, 3}).contiguous();
+    const at::Tensor patch = perceptualPatch(ramp, {0, 0, 8}, 16, at::zeros({3}));
+    for (int i = 1; i < 15; ++i) EXPECT_NEAR(patch[5][i][1].item<float>(), (i + 0.5f) / 2.0f - 0.5f, 1e-5f);
+    at::Tensor leaf = ramp.clone().requires_grad_();
+    perceptualPatch(leaf, {2, 2, 4}, 8, at::zeros({3})).sum().backward();
+    // Four pixels became sixteen numbers each, those around the square none.
+    EXPECT_NEAR(leaf.grad().sum().item<double>(), 8 * 8 * 3, 1e-3);
+    EXPECT_EQ(leaf.grad().slice(0, 0, 2).abs().max().item<double>(), 0.0);
 }
 
 } // namespace

@@ -19,6 +19,8 @@ TrainingConfig smallConfig() {
     config.schedule.templateSteps = 2;
     config.schedule.radianceSteps = 3;
     config.schedule.pbrSteps = 3;
+    config.schedule.perceptualSize = 32;
+    config.schedule.perceptualCropAfter = 2; // within stage 1
     config.network.maxChannels = 8;
     config.network.styleSize = 16;
     config.occlusion.interactiveDirections = 16;
