@@ -62,7 +62,8 @@ void addInfo(CLI::App& app, Arguments& arguments) {
     addOutputOptions(command, arguments);
     command.footer(
         "Reads npy, npz (bodies, motions, templates, any arrays), safetensors, OpenEXR, Radiance HDR, PNG, JPEG,\n"
-        "PLY, OBJ, glTF, BVH, camera calibrations and captures in AvatarReX layout; names other kinds.\n"
+        "PLY, OBJ, glTF, BVH, camera calibrations, captures (AvatarReX, THuman4, ActorsHQ), avatars and\n"
+        "training runs; names other kinds.\n"
         "With --json: one object for one file, else a list.");
 }
 

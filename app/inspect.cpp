@@ -11,6 +11,9 @@ namespace ars::app {
 namespace fs = std::filesystem;
 namespace {
 
+/// As a tree JSON takes some twenty times its bytes; calibrations and maps are far below this.
+constexpr std::uint64_t kMaxJsonBytes = 64ull << 20;
+
 void inspectForeign(FileReport& report, const FileRecognition& file) {
     const bool checkpoint = file.name.starts_with("PyTorch");
     const bool video = file.name.ends_with("video");
@@ -96,12 +99,28 @@ FileReport inspectPath(const fs::path& path, const InspectOptions& options) {
         report.kind = "folder";
         report.format = "folder";
         report.title = "folder";
-        inspectCaptureFolder(report, options);
+        if (!inspectAvatarFolder(report, options)) inspectCaptureFolder(report, options);
     } else {
         inspectFile(report, path, options);
     }
     report.checked = report.ok() && !options.fast;
     return report;
+}
+
+Result<Json> readJsonFile(const fs::path& path, ReadLimits limits) {
+    limits.maxFileBytes = std::min(limits.maxFileBytes, kMaxJsonBytes);
+    ARS_TRY(const std::string text, readTextFile(path, limits));
+    Json json;
+    try {
+        json = Json::parse(text);
+    } catch (const Json::parse_error& error) {
+        // "[json.exception.parse_error.101] parse error at line 1, column 8: ..." without what only programmers know
+        std::string_view what = error.what();
+        if (const std::size_t bracket = what.find("] "); bracket != std::string_view::npos)
+            what.remove_prefix(bracket + 2);
+        return makeError(ErrorCode::BadFile, path.string(), fmt::format("is no sound JSON: {}", what));
+    }
+    return json;
 }
 
 void addExtent(FileReport& report, std::span<const glm::vec3> positions) {

@@ -36,9 +36,14 @@ void inspectGltf(FileReport& report, const InspectOptions& options);
 void inspectBvh(FileReport& report, const InspectOptions& options);
 void inspectJson(FileReport& report, const InspectOptions& options);
 void inspectText(FileReport& report, const InspectOptions& options);
+/// A training run, a checkpoint or an avatar; false where the folder is none of them.
+bool inspectAvatarFolder(FileReport& report, const InspectOptions& options);
 void inspectCaptureFolder(FileReport& report, const InspectOptions& options);
 /// The list of images that a capture lacks, which has no content of its own to be recognised by.
 void inspectMissingImages(FileReport& report, const InspectOptions& options);
+
+/// A JSON file; BadFile saying where it ends to be one.
+Result<Json> readJsonFile(const std::filesystem::path& path, ReadLimits limits);
 
 /// "extent": size of the bounding box along x, y, z in the file's unit.
 void addExtent(FileReport& report, std::span<const glm::vec3> positions);

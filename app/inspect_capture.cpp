@@ -14,25 +14,6 @@ namespace ars::app {
 namespace fs = std::filesystem;
 namespace {
 
-/// As a tree JSON takes some twenty times its bytes; calibrations and maps are far below this.
-constexpr std::uint64_t kMaxJsonBytes = 64ull << 20;
-
-Result<Json> readJson(const fs::path& path, ReadLimits limits) {
-    limits.maxFileBytes = std::min(limits.maxFileBytes, kMaxJsonBytes);
-    ARS_TRY(const std::string text, readTextFile(path, limits));
-    Json json;
-    try {
-        json = Json::parse(text);
-    } catch (const Json::parse_error& error) {
-        // "[json.exception.parse_error.101] parse error at line 1, column 8: ..." without what only programmers know
-        std::string_view what = error.what();
-        if (const std::size_t bracket = what.find("] "); bracket != std::string_view::npos)
-            what.remove_prefix(bracket + 2);
-        return makeError(ErrorCode::BadFile, path.string(), fmt::format("is no sound JSON: {}", what));
-    }
-    return json;
-}
-
 void addCameras(FileReport& report, const std::vector<CalibratedCamera>& cameras) {
     std::vector<std::string> names;
     std::map<std::pair<int, int>, std::size_t> sizes;
@@ -196,7 +177,7 @@ Error insideFolder(Error error, const std::string& folder) {
 } // namespace
 
 void inspectJson(FileReport& report, const InspectOptions& options) {
-    const auto json = readJson(report.path, options.limits);
+    const auto json = readJsonFile(report.path, options.limits);
     if (!json) return report.fail(json.error());
     if (looksLikeCalibration(*json)) return inspectCalibration(report, *json);
     if (json->is_object() && json->contains("joints") && (*json)["joints"].is_object()) return inspectJointMap(report);

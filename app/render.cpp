@@ -91,6 +91,10 @@ Status planPoses(const RenderOptions& options, RenderPlan& plan) {
         return wrongUsage("--pose", "give either --pose (one frame) or --motion, not both");
     }
     if (options.motion.empty() && !options.frames.empty()) return wrongUsage("--frames", "needs --motion");
+    if (!options.motion.empty() && options.poseFrame > 0) {
+        return wrongUsage("--frame", fmt::format("is for --pose; of a motion say --frames {}:{}", options.poseFrame,
+                                                 options.poseFrame + 1));
+    }
     const int joints = plan.avatar->rig().skeleton.jointCount();
     if (options.motion.empty() && (options.pose.empty() || options.pose == "rest")) {
         plan.motion.frames.push_back(restPose(joints));

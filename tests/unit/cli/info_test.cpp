@@ -213,5 +213,36 @@ TEST(Info, ControlCharactersOfAFileDoNotReachTheTerminal) {
     for (const char c : result.output + result.errors) EXPECT_TRUE(c == '\n' || static_cast<unsigned char>(c) >= 0x20);
 }
 
+TEST(Info, TellsAvatarsAndRunsFromCaptures) {
+    const TemporaryFolder folder;
+    fs::create_directories(folder / "a.avatar");
+    writeText(folder / "a.avatar" / "avatar.json",
+              R"({"format": "ars.avatar", "version": 1, "preset": "compact", "origin": "step 5 of a training on zzr",
+                  "maps": {"size": 256, "points": 20822}, "radii": {"hip": {"initial": 0.2, "offset": 0.5}}})");
+    const ProcessResult fast = runArs({"info", "--fast", "--json", (folder / "a.avatar").string()});
+    const auto json = parsed(fast);
+    EXPECT_EQ(json["kind"], "avatar");
+    EXPECT_EQ(json["preset"], "compact");
+    EXPECT_EQ(json["surfels"], 20822);
+    EXPECT_NEAR(json["radii"]["hip"].get<double>(), 0.3, 1e-9);
+    EXPECT_EQ(json["light"], false);
+    // Its weights are not there: opened, it is not sound.
+    const auto opened = infoJson(folder / "a.avatar", 1);
+    EXPECT_EQ(opened["kind"], "avatar");
+    EXPECT_EQ(opened["sound"], false);
+
+    fs::create_directories(folder / "run");
+    writeText(folder / "run" / "config.json", R"({"format": "ars.run", "sources": {"capture": "zzr"}})");
+    writeText(folder / "run" / "status.json",
+              R"({"state": "idle", "stage": "radiance", "step": 7, "total_steps": 60, "step_ms": 1, "eta_s": 53,
+                  "memory_bytes": 1, "peak_memory_bytes": 1, "losses": {}, "error": "", "note": "", "process": 0,
+                  "host": "", "updated_unix_s": 1, "checkpoint": ""})");
+    const auto run = infoJson(folder / "run", 0);
+    EXPECT_EQ(run["kind"], "run");
+    EXPECT_EQ(run["state"], "idle");
+    EXPECT_EQ(run["step"], 7);
+    EXPECT_EQ(run["capture"], "zzr");
+}
+
 } // namespace
 } // namespace ars::test
