@@ -1,4 +1,5 @@
 #include "engine/core/parallel.h"
+#include "engine/surfel/splat_cpu_lists.h"
 #include "engine/surfel/splat_kernels.h"
 
 #include <algorithm>
@@ -35,6 +36,7 @@ struct Frame {
     BlockResult* blocks;
     std::size_t blockCount;
     std::size_t visible = 0;
+    const FeatureLayout* alsoFinite = nullptr; ///< attributes that are not blended but must be finite as well
 };
 
 template <typename T>
@@ -62,6 +64,18 @@ Result<Frame> prepareFrame(const SplatArguments& a) {
                  pointer<std::uint64_t>(m.orderScratch),
                  pointer<BlockResult>(m.blocks),
                  blockCount};
+}
+
+/// Whether the attributes of a layout are finite; those without data are not asked.
+bool attributesAreFinite(const FeatureLayout& layout, std::size_t surfel) {
+    float finite = 0.0f;
+    for (int i = 0; i < layout.count; ++i) {
+        const FeatureSource& source = layout.sources[i];
+        if (!source.data) continue;
+        const auto width = static_cast<std::size_t>(source.width);
+        for (std::size_t c = surfel * width; c < (surfel + 1) * width; ++c) finite += 0.0f * source.data[c];
+    }
+    return isFiniteNumber(finite);
 }
 
 bool fitsMask(const TileRect& rect) { return rect.x1 - rect.x0 < kMaskSide && rect.y1 - rect.y0 < kMaskSide; }
@@ -94,6 +108,9 @@ void projectBlock(const SplatArguments& a, const Frame& frame, std::size_t begin
                                         a.surfels.opacities[i], row, normal, rect);
         if (fate == SurfelFate::Visible &&
             !packFeatures(a.features, i, normal, rotation, frame.features + slot * stride)) {
+            fate = SurfelFate::NotFinite;
+        }
+        if (fate == SurfelFate::Visible && frame.alsoFinite && !attributesAreFinite(*frame.alsoFinite, i)) {
             fate = SurfelFate::NotFinite;
         }
         ++result.fates[static_cast<std::size_t>(fate)];
@@ -331,11 +348,10 @@ void gatherStats(const SplatArguments& a, const Frame& frame, const TileJob& job
     }
 }
 
-} // namespace
-
-Status splat(const SplatArguments& a) {
-    SplatWorkspace::Memory& m = *a.memory;
+/// All that comes before blending.
+Result<Frame> sortIntoTiles(const SplatArguments& a, const FeatureLayout* alsoFinite = nullptr) {
     ARS_TRY(Frame frame, prepareFrame(a));
+    frame.alsoFinite = alsoFinite;
     project(a, frame);
     ARS_TRY_STATUS(sortByDepth(a, frame));
     if (a.params.kernel == SurfelKernel::RaySplat) {
@@ -343,6 +359,20 @@ Status splat(const SplatArguments& a) {
     } else {
         ARS_TRY_STATUS(binByTile<SurfelKernel::GaussianSurfel>(a, frame));
     }
+    return frame;
+}
+
+} // namespace
+
+Result<TileLists> listTiles(const SplatArguments& a, const FeatureLayout& alsoFinite) {
+    ARS_TRY(const Frame frame, sortIntoTiles(a, &alsoFinite));
+    return TileLists{frame.rows, frame.features, frame.surfelOfSlot, pointer<std::uint32_t>(a.memory->instances),
+                     pointer<std::uint64_t>(a.memory->tileStarts)};
+}
+
+Status splat(const SplatArguments& a) {
+    SplatWorkspace::Memory& m = *a.memory;
+    ARS_TRY(const Frame frame, sortIntoTiles(a));
     ARS_TRY_STATUS(growBuffer(m.tileCounts, {}, 2 * a.tileCount() * sizeof(std::uint64_t), "splat: tile counts"));
     TileJob job = tileJob(a, frame);
     if (a.contributors) {

@@ -49,30 +49,34 @@ struct SplatBackwardParams {
 
 /// Memory that is kept between steps; never used from two threads at once.
 struct SplatGradientWorkspace {
-    std::vector<unsigned char> rows;         ///< projected surfels
-    std::vector<float> features;             ///< (N, stride)
-    std::vector<float> pixelGradients;       ///< (pixels, stride + 2): dL/dSum of the features, of depth, of opacity
-    std::vector<float> alphaGradients;       ///< (entries) dL/dlog2Alpha
-    std::vector<std::uint64_t> surfelStarts; ///< (N + 1)
-    /// What one pair of a surfel and a pixel passes on.
-    struct Entry {
-        std::uint16_t x, y;  ///< pixel
-        float alphaGradient; ///< dL/dlog2Alpha
-        float weight;        ///< alpha T
-    };
-    std::vector<Entry> surfelEntries; ///< (entries) by surfel, in the order of pixels
-    std::vector<std::uint32_t> counts;
+    // Host.
+    SplatWorkspace tiles;             ///< the surfels of each tile, as the forward pass lists them
+    Buffer instanceSums;              ///< what each pair of a surfel and a tile passes to the surfel
+    Buffer slotStarts, slotInstances; ///< these pairs by surfel
+    std::vector<Buffer> tileMemory;   ///< one per thread
+    // CUDA.
+    Buffer rows, features;                                     ///< projected surfels
+    Buffer pixelGradients;                                     ///< dL/dSum of the features, of depth, of opacity
+    Buffer alphaGradients;                                     ///< (entries) dL/dlog2Alpha
+    Buffer entryPixels, entries, sortedEntries, sortedSurfels; ///< (entries)
+    Buffer sortScratch, outputs;
 };
 
-/// The true gradient of splat() with its cut-offs held fixed (rendering reference 1.5; docs/math/splat.md). The sums
-/// over pixels are taken in a fixed order: the result does not depend on the number of threads.
+/// The true gradient of splat() with its cut-offs held fixed (rendering reference 1.5; docs/math/splat.md). All sums
+/// are taken in a fixed order: the result depends neither on the number of threads nor on chance.
 ///
-/// @param forward, contributors  what splat() gave for the same surfels, camera and parameters
-/// @param gradients  dL/d of its pictures
-/// @param out        every array is resized to N; entries of surfels that no pixel shows are 0
-/// @return InvalidArgument when sizes differ, naming the picture; Unsupported on CUDA
+/// @param surfels       host or CUDA arrays, those that splat() got
+/// @param forward       what splat() gave for the same surfels, camera and parameters, on the same device
+/// @param contributors  its lists. CUDA needs them; the host blends its tiles once more instead, which costs less than
+///                      making and reading lists, and takes null.
+/// @param gradients     dL/d of its pictures, on the surfels' device
+/// @param out           on the host: every array is resized to N; entries of surfels that no pixel shows are 0. CUDA
+///                      waits for the device to bring them.
+/// @return InvalidArgument when sizes differ or something lies on another device, naming it; LimitExceeded above
+///         2^31 - 1 entries of the lists (CUDA) or 2^32 - 1 pairs of a surfel and a tile (host); OutOfMemory naming the
+///         part; Unavailable without CUDA kernels
 Status splatBackward(const SplatParams& params, const SurfelView& surfels, const Camera& camera, const GBuffer& forward,
-                     const ContributorLists& contributors, const GBufferGradients& gradients,
+                     const ContributorLists* contributors, const GBufferGradients& gradients,
                      SplatGradientWorkspace& workspace, SurfelGradients& out, const SplatBackwardParams& options = {});
 
 } // namespace ars

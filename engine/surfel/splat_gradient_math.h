@@ -1,5 +1,6 @@
 #pragma once
 
+#include "engine/surfel/splat_gradient_pixel_math.h"
 #include "engine/surfel/splat_math.h"
 
 #include <glm/glm.hpp>
@@ -9,80 +10,31 @@
 /// fixed: where one acts, nothing passes.
 namespace ars {
 
-inline constexpr double kLn2 = 0.6931471805599453;
-
-/// dL/d of a ProjectedSurfel; its bounds carry none.
-template <typename T>
-struct ProjectedGradient {
-    T u = T(0), v = T(0);
-    T shape[4] = {T(0), T(0), T(0), T(0)};
-    T tiltX = T(0), tiltY = T(0);
-    T depth = T(0);
-    T log2Opacity = T(0);
-};
+/// The moments of `terms` at one offset.
+template <int Terms, typename T>
+ARS_HD inline void momentsAt(const T* terms, T dx, T dy, T (*m)[kMoments]) {
+    const T powers[kMoments] = {T(1), dx, dy, dx * dx, dx * dy, dy * dy};
+    for (int t = 0; t < Terms; ++t) {
+        for (int k = 0; k < kMoments; ++k) m[t][k] = terms[t] * powers[k];
+    }
+}
 
 /// Backward of log2AlphaAt: adds what `g` = dL/dlog2Alpha passes to the surfel.
 template <SurfelKernel Kernel, typename T>
 ARS_HD inline void log2AlphaBackward(const ProjectedSurfel<T>& s, T dx, T dy, T g, ProjectedGradient<T>& out) {
-    T gradX, gradY;
-    if constexpr (Kernel == SurfelKernel::GaussianSurfel) {
-        out.shape[0] += g * dx * dx;
-        out.shape[1] += g * dx * dy;
-        out.shape[2] += g * dy * dy;
-        gradX = g * (T(2) * s.shape[0] * dx + s.shape[1] * dy);
-        gradY = g * (T(2) * s.shape[2] * dy + s.shape[1] * dx);
-    } else {
-        const T inverse = T(1) / (T(1) + s.tiltX * dx + s.tiltY * dy);
-        const T x = (s.shape[0] * dx + s.shape[1] * dy) * inverse;
-        const T y = (s.shape[2] * dx + s.shape[3] * dy) * inverse;
-        const T onDisc = x * x + y * y, onScreen = T(2) * (dx * dx + dy * dy);
-        const T gFalloff = T(-0.5 * kLog2E) * g;
-        if (onDisc < onScreen) {
-            const T gx = T(2) * x * gFalloff * inverse, gy = T(2) * y * gFalloff * inverse;
-            const T gDenominator = -(gx * x + gy * y);
-            out.shape[0] += gx * dx;
-            out.shape[1] += gx * dy;
-            out.shape[2] += gy * dx;
-            out.shape[3] += gy * dy;
-            out.tiltX += gDenominator * dx;
-            out.tiltY += gDenominator * dy;
-            gradX = gx * s.shape[0] + gy * s.shape[2] + gDenominator * s.tiltX;
-            gradY = gx * s.shape[1] + gy * s.shape[3] + gDenominator * s.tiltY;
-        } else {
-            gradX = T(4) * dx * gFalloff;
-            gradY = T(4) * dy * gFalloff;
-        }
-    }
-    out.log2Opacity += g;
-    out.u -= gradX; // dx = x - u
-    out.v -= gradY;
+    T terms[kFalloffTerms<Kernel>], moments[kFalloffTerms<Kernel>][kMoments];
+    falloffTerms<Kernel>(s, dx, dy, g, terms);
+    momentsAt<kFalloffTerms<Kernel>>(terms, dx, dy, moments);
+    falloffGradient<Kernel>(s, moments, out);
 }
 
 /// Backward of depthAt: adds what `g` = dL/dz passes to the surfel.
 template <SurfelKernel Kernel, DepthMode Depth, typename T>
 ARS_HD inline void depthBackward(const ProjectedSurfel<T>& s, T dx, T dy, T g, ProjectedGradient<T>& out) {
-    const T tilt = s.tiltX * dx + s.tiltY * dy;
-    T gTilt;
-    if constexpr (Kernel == SurfelKernel::RaySplat) {
-        const T safe = maxOf(tilt + T(1), T(kMinRayDenominator));
-        out.depth += g / safe;
-        gTilt = tilt + T(1) > T(kMinRayDenominator) ? -g * s.depth / (safe * safe) : T(0);
-    } else {
-        const T kept = minOf(maxOf(tilt, T(-kMaxTilt)), T(kMaxTilt));
-        const bool inside = tilt > T(-kMaxTilt) && tilt < T(kMaxTilt);
-        if constexpr (Depth == DepthMode::Linear) {
-            out.depth += g * (T(1) - kept);
-            gTilt = inside ? -g * s.depth : T(0);
-        } else {
-            const T inverse = T(1) / (T(1) + kept);
-            out.depth += g * inverse;
-            gTilt = inside ? -g * s.depth * inverse * inverse : T(0);
-        }
-    }
-    out.tiltX += gTilt * dx;
-    out.tiltY += gTilt * dy;
-    out.u -= gTilt * s.tiltX;
-    out.v -= gTilt * s.tiltY;
+    T terms[kDepthTerms], moments[kDepthTerms][kMoments];
+    depthTerms<Kernel, Depth>(s, dx, dy, g, terms);
+    momentsAt<kDepthTerms>(terms, dx, dy, moments);
+    depthGradient(s, moments, out);
 }
 
 /// dL/d of a surfel's own geometry.
@@ -250,22 +202,6 @@ ARS_HD inline void projectSurfelBackward(const SplatView<T>& view, const Vec3<T>
     out.scale += c.scale;
     tangentsBackward(rotation, toWorld * c.t0, toWorld * c.t1, out.rotation);
     if (opacity <= T(1)) out.opacity += g.log2Opacity * T(kLog2E) / opacity;
-}
-
-/// One pixel's chain from its blended sums to one surfel's alpha (reference 1.5, step 2, the scalar trick):
-/// dL/dalpha_i = T_i h_i - (sum_{j>i} w_j h_j) / (1 - alpha_i), with h_i = sum_k dL/dSum_k f_ik.
-/// @param weight  w = alpha T, alpha not clamped
-/// @return dL/dlog2Alpha
-template <typename T>
-ARS_HD inline T alphaBackward(T alpha, T weight, T h, T suffix) {
-    return (weight * h - suffix * alpha / (T(1) - alpha)) * T(kLn2);
-}
-
-/// The same from the logarithm; 0 where alpha is clamped at 0.99.
-template <typename T>
-ARS_HD inline T blendBackward(T log2Alpha, T transmittance, T h, T suffix) {
-    const T alpha = exp2Of(log2Alpha);
-    return alpha > T(kMaxAlpha) ? T(0) : alphaBackward(alpha, alpha * transmittance, h, suffix);
 }
 
 /// Backward of a channel's normalisation at a pixel: out = sum / opacity, or sum / |sum| where `unit`.

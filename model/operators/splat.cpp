@@ -18,7 +18,6 @@ constexpr const char* kPlace = "splat";
 /// What a splat must keep until backward has passed and its pictures are forgotten.
 struct SplatMemory {
     GBuffer gbuffer;
-    ContributorLists contributors;
 };
 
 /// A stack of things to use again. Any thread may take and give.
@@ -61,13 +60,10 @@ public:
     SplatScratch& operator=(const SplatScratch&) = delete;
 
     GBuffer& gbuffer() { return memory_->gbuffer; }
-    const ContributorLists& contributors() const { return memory_->contributors; }
 
-    Status forward(const SplatParams& params, const SurfelView& surfels, const Camera& camera, ChannelSet channels,
-                   bool listContributors) {
+    Status forward(const SplatParams& params, const SurfelView& surfels, const Camera& camera, ChannelSet channels) {
         std::unique_ptr<SplatWorkspace> workspace = pool_->workspaces.take();
-        const Status status = splat(params, surfels, camera, channels, memory_->gbuffer, *workspace,
-                                    listContributors ? &memory_->contributors : nullptr);
+        const Status status = splat(params, surfels, camera, channels, memory_->gbuffer, *workspace);
         pool_->workspaces.give(std::move(workspace));
         return status;
     }
@@ -75,7 +71,7 @@ public:
                     const GBufferGradients& gradients, SurfelGradients& out) {
         std::unique_ptr<SplatGradientWorkspace> workspace = pool_->gradientWorkspaces.take();
         const Status status =
-            splatBackward(params, surfels, camera, memory_->gbuffer, memory_->contributors, gradients, *workspace, out);
+            splatBackward(params, surfels, camera, memory_->gbuffer, nullptr, gradients, *workspace, out);
         pool_->gradientWorkspaces.give(std::move(workspace));
         return status;
     }
@@ -214,7 +210,7 @@ GBufferTensors splatTensors(const SplatParams& params, const SurfelTensors& surf
     bool gradient = false;
     for (const at::Tensor& input : inputs) gradient = gradient || operators::wantsGradient({input});
     const std::shared_ptr<SplatScratch> scratch = pool.take();
-    require(scratch->forward(params, view, camera, made, gradient));
+    require(scratch->forward(params, view, camera, made));
     GBufferTensors pictures = picturesOf(scratch, channels);
     if (!gradient) return pictures;
 

@@ -112,9 +112,8 @@ void splatBackwardOf(benchmark::State& state, const Surfels& surfels, const Came
     const SurfelView view = viewOf(surfels);
     GBuffer gbuffer;
     SplatWorkspace workspace;
-    ContributorLists contributors;
     SplatStats stats;
-    if (!splat(params, view, camera, channels, gbuffer, workspace, &contributors, &stats)) {
+    if (!splat(params, view, camera, channels, gbuffer, workspace, nullptr, &stats)) {
         state.SkipWithError("splat");
         return;
     }
@@ -134,7 +133,7 @@ void splatBackwardOf(benchmark::State& state, const Surfels& surfels, const Came
     }
     SplatGradientWorkspace memory;
     SurfelGradients out;
-    measure(state, [&] { return splatBackward(params, view, camera, gbuffer, contributors, gradients, memory, out); });
+    measure(state, [&] { return splatBackward(params, view, camera, gbuffer, nullptr, gradients, memory, out); });
     const double floor =
         static_cast<double>(stats.blended) * (33 + depth + 2 * width) / (kMultiplyAddsPerSecondAndCore * threadCount());
     state.counters["pairs_M"] = 1e-6 * static_cast<double>(stats.blended);

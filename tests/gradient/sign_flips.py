@@ -22,7 +22,8 @@ HERE = Path(__file__).resolve().parent
 
 # Tests and the sources that are compiled anew with them (headers with flips reach both); `torch`: needs LibTorch.
 GROUPS = {
-    "splat": dict(tests=["tests/unit/surfel/splat_gradient_test.cpp"], sources=["engine/surfel/splat_gradient.cpp"]),
+    "splat": dict(tests=["tests/unit/surfel/splat_gradient_test.cpp"],
+                  sources=["engine/surfel/splat_gradient.cpp", "engine/surfel/splat_gradient_cpu.cpp"]),
     "pose": dict(tests=["tests/unit/surfel/pose_surfels_gradient_test.cpp"],
                  sources=["engine/surfel/pose_surfels_gradient.cpp"]),
     "shade": dict(tests=["tests/unit/shade/shading_gradient_test.cpp"], sources=["engine/shade/shading_gradient.cpp"]),

@@ -73,9 +73,7 @@ TEST(SplatOperator, IsTheEnginesBackwardNumberForNumber) {
     const Surfels surfels = surfelsFromTensors(scene.surfels);
     GBuffer gbuffer;
     SplatWorkspace workspace;
-    ContributorLists contributors;
-    ASSERT_TRUE(
-        splat({}, viewOf(surfels), scene.camera, test::kTrainingChannels, gbuffer, workspace, &contributors).ok());
+    ASSERT_TRUE(splat({}, viewOf(surfels), scene.camera, test::kTrainingChannels, gbuffer, workspace).ok());
     std::array<at::Tensor, kChannelCount> weights;
     GBufferGradients gradients;
     for (const Channel channel : kSplatted) {
@@ -86,8 +84,7 @@ TEST(SplatOperator, IsTheEnginesBackwardNumberForNumber) {
     }
     SplatGradientWorkspace memory;
     SurfelGradients expected;
-    ASSERT_TRUE(
-        splatBackward({}, viewOf(surfels), scene.camera, gbuffer, contributors, gradients, memory, expected).ok());
+    ASSERT_TRUE(splatBackward({}, viewOf(surfels), scene.camera, gbuffer, nullptr, gradients, memory, expected).ok());
     const SurfelTensors& s = scene.surfels;
     EXPECT_TRUE(at::equal(s.means.grad(), tensorOf(std::span<const glm::vec3>(expected.means))));
     EXPECT_TRUE(at::equal(s.rotations.grad().flatten(), tensorOf(std::span<const float>(expected.rotations))));

@@ -3,10 +3,12 @@
 #include "engine/surfel/pose_surfels_gradient_math.h"
 
 #include "engine/rig/pose.h"
+#include "tests/support/devices.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <random>
 #include <vector>
 
@@ -114,6 +116,103 @@ TEST(PoseSurfelsGradient, ArraysFollowDifferencesOfPosing) {
         EXPECT_NEAR(gotRadii[g], slope(scene.radii[g], 0.05f), 1e-3) << bodyPartName(static_cast<BodyPart>(g));
     }
     EXPECT_EQ(gotRadii[static_cast<std::size_t>(BodyPart::Hand)], 0.0f) << "no joint of that part";
+}
+
+/// Arrays on a device, kept until the end of the test.
+class DeviceMemory {
+public:
+    explicit DeviceMemory(const Device& device) : device_(device) {}
+
+    template <typename T>
+    T* upload(const std::vector<T>& values) {
+        Buffer buffer = *Buffer::allocate(device_, values.size() * sizeof(T), "test");
+        EXPECT_TRUE(uploadBuffer(buffer, std::as_bytes(std::span(values))).ok());
+        buffers_.push_back(std::move(buffer));
+        return static_cast<T*>(buffers_.back().data());
+    }
+    template <typename T>
+    void download(const T* from, std::vector<T>& values) {
+        for (const Buffer& buffer : buffers_) {
+            if (buffer.data() != from) continue;
+            EXPECT_TRUE(downloadBuffer(std::as_writable_bytes(std::span(values)), buffer).ok());
+        }
+    }
+
+private:
+    Device device_;
+    std::vector<Buffer> buffers_;
+};
+
+// Host and device share what is done to one surfel; they differ by fused multiply-adds and in the order of the radii's
+// sums.
+TEST(PoseSurfelsGradient, EveryDeviceAgreesWithTheHost) {
+    constexpr std::size_t kCount = 40000; // more than the blocks that sum the radii take at once
+    Scene scene(kCount);
+    std::mt19937 random(9);
+    std::uniform_real_distribution<float> unit(-1.0f, 1.0f);
+    std::vector<glm::vec3> gMeans(kCount), means(kCount), gotMeans(kCount);
+    std::vector<float> gRotations(4 * kCount), gRadii(kCount), rotations(4 * kCount), gotRotations(4 * kCount);
+    for (glm::vec3& g : gMeans) g = {unit(random), unit(random), unit(random)};
+    for (float& g : gRotations) g = unit(random);
+    for (float& g : gRadii) g = unit(random);
+    PartRadii radii{};
+    ASSERT_TRUE(poseSurfelsBackward(scene.posing(), scene.weights, scene.surfels, {gMeans, gRotations, gRadii}, means,
+                                    rotations, radii)
+                    .ok());
+    for (const Device& device : test::devicesUnderTest()) {
+        SCOPED_TRACE(deviceName(device));
+        DeviceMemory memory(device);
+        PoseSurfelsGradientArrays a;
+        a.count = kCount;
+        a.jointCount = scene.matrices.size();
+        a.matrices = memory.upload(scene.matrices);
+        a.parts = memory.upload(scene.parts);
+        a.joints = memory.upload(scene.weights.joints);
+        a.weights = memory.upload(scene.weights.weights);
+        a.rotations = memory.upload(scene.surfels.rotations);
+        a.posedMeans = memory.upload(gMeans);
+        a.posedRotations = memory.upload(gRotations);
+        a.gradRotations = memory.upload(gotRotations);
+        a.posedRadii = memory.upload(gRadii);
+        std::vector<float> gotRadii(kBodyPartCount, 7.0f);
+        a.partRadii = memory.upload(gotRadii);
+        PoseGradientWorkspace workspace;
+        for (int pass = 0; pass < 2; ++pass) { // the second in place, with the memory of the first
+            a.means = pass == 0 ? memory.upload(gotMeans) : const_cast<glm::vec3*>(a.posedMeans);
+            ASSERT_TRUE(poseSurfelsBackwardOnDevice(device, a, workspace).ok());
+            memory.download(a.means, gotMeans);
+            memory.download(a.gradRotations, gotRotations);
+            memory.download(a.partRadii, gotRadii);
+            for (std::size_t i = 0; i < kCount; ++i) {
+                ASSERT_LT(glm::distance(gotMeans[i], means[i]), 2e-6f);
+                for (std::size_t c = 4 * i; c < 4 * i + 4; ++c) ASSERT_NEAR(gotRotations[c], rotations[c], 2e-5f);
+            }
+            for (std::size_t g = 0; g < kBodyPartCount; ++g) EXPECT_NEAR(gotRadii[g], radii[g], 1e-4f);
+        }
+    }
+}
+
+TEST(PoseSurfelsGradient, ArraysThatAreMissingAreNamed) {
+    Scene scene(3);
+    const std::vector<float> three(3);
+    PoseGradientWorkspace workspace;
+    PoseSurfelsGradientArrays a;
+    a.count = 3;
+    a.jointCount = scene.matrices.size();
+    const auto sentence = [&] {
+        const Status status = poseSurfelsBackwardOnDevice({}, a, workspace);
+        return status ? std::string() : status.error().describe();
+    };
+    EXPECT_NE(sentence().find("joints and weights must be given"), std::string::npos);
+    a.joints = scene.weights.joints.data();
+    a.weights = scene.weights.weights.data();
+    a.posedRadii = three.data();
+    EXPECT_NE(sentence().find("the joints' parts must be given"), std::string::npos);
+    a.parts = scene.parts.data();
+    EXPECT_NE(sentence().find("needs its result"), std::string::npos);
+    std::vector<float> radii(kBodyPartCount);
+    a.partRadii = radii.data();
+    EXPECT_EQ(sentence(), "");
 }
 
 TEST(PoseSurfelsGradient, WrongCountsAreNamed) {

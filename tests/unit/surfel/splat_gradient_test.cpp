@@ -2,6 +2,7 @@
 // maths in double.
 #include "engine/surfel/splat_gradient.h"
 #include "engine/surfel/splat_gradient_math.h"
+#include "tests/unit/surfel/splat_gradient_support.h"
 
 #include <glm/gtc/quaternion.hpp>
 
@@ -234,7 +235,8 @@ std::vector<Numbers> analytic(const Scene& scene) {
                 const double x = column + 0.5, y = row + 0.5;
                 double h = gOpacity + gDepth * depthOf(scene, b.row, x, y);
                 for (int c = 0; c < kFeatures; ++c) h += attached[c] * b.features[c];
-                const double gAlpha = blendBackward(p.log2Alpha[k], p.transmittance[k], h, suffix);
+                const double before = p.transmittance[k];
+                const double gAlpha = blendBackward<double>(p.weight[k], before, before - p.weight[k], h, suffix);
                 suffix += p.weight[k] * h;
                 ProjectedGradient<double>& out = rows[p.entries[k]];
                 const double gz = p.weight[k] * gDepth;
@@ -289,6 +291,30 @@ constexpr Group kGroups[] = {{"mean", 0, 3, false},     {"rotation", 3, 7, false
                              {"opacity", 9, 10, false}, {"albedo", 10, 13, false}, {"radius", 13, 14, true},
                              {"bone", 14, 17, true}};
 
+/// Number k of surfel i, as in Numbers.
+double numberOf(const SurfelGradients& got, std::size_t i, std::size_t k) {
+    if (k < 3) return got.means[i][static_cast<int>(k)];
+    if (k < 7) return got.rotations[4 * i + k - 3];
+    if (k < 9) return got.scales[i][static_cast<int>(k - 7)];
+    if (k < 10) return got.opacities[i];
+    if (k < 13) return got.albedos[i][static_cast<int>(k - 10)];
+    if (k < 14) return got.radii[i];
+    return got.bones[i][static_cast<int>(k - 14)];
+}
+
+/// Each number within 1e-3 of the largest of its kind.
+void expectNumbers(const SurfelGradients& got, const std::vector<Numbers>& expected) {
+    for (const Group& group : kGroups) {
+        const double size = sizeOf(expected, group.first, group.last);
+        for (std::size_t i = 0; i < expected.size(); ++i) {
+            for (std::size_t k = group.first; k < group.last; ++k) {
+                EXPECT_NEAR(numberOf(got, i, k), expected[i][k], 1e-3 * size)
+                    << group.name << " " << k - group.first << " of surfel " << i;
+            }
+        }
+    }
+}
+
 class SplatGradient : public ::testing::TestWithParam<std::pair<SurfelKernel, DepthMode>> {};
 
 TEST_P(SplatGradient, EqualsCentralDifferencesInDouble) {
@@ -333,13 +359,8 @@ TEST_P(SplatGradient, FloatPathFollowsTheMathsInDouble) {
         surfels.radii.push_back(f(13));
         surfels.bones.push_back({f(14), f(15), f(16)});
     }
-    GBuffer gbuffer;
-    SplatWorkspace workspace;
-    ContributorLists contributors;
     const ChannelSet channels{Channel::Opacity, Channel::Depth,  Channel::Normal, Channel::Position,
                               Channel::Albedo,  Channel::Radius, Channel::Bone};
-    ASSERT_TRUE(splat(scene.params, viewOf(surfels), scene.camera, channels, gbuffer, workspace, &contributors).ok());
-
     std::array<std::vector<float>, kChannelCount> pictures;
     GBufferGradients gradients;
     const auto give = [&](Channel channel, const std::vector<double>& from, int stride, int offset) {
@@ -360,35 +381,12 @@ TEST_P(SplatGradient, FloatPathFollowsTheMathsInDouble) {
     give(Channel::Albedo, scene.weights.features, kFeatures, 3);
     give(Channel::Radius, scene.weights.features, kFeatures, 6);
     give(Channel::Bone, scene.weights.features, kFeatures, 7);
-    SurfelGradients got;
-    SplatGradientWorkspace memory;
-    ASSERT_TRUE(
-        splatBackward(scene.params, viewOf(surfels), scene.camera, gbuffer, contributors, gradients, memory, got).ok());
-
     const std::vector<Numbers> expected = analytic(scene);
-    for (const Group& group : kGroups) {
-        const double size = sizeOf(expected, group.first, group.last);
-        for (std::size_t i = 0; i < expected.size(); ++i) {
-            for (std::size_t k = group.first; k < group.last; ++k) {
-                double value = 0.0;
-                if (k < 3)
-                    value = got.means[i][static_cast<int>(k)];
-                else if (k < 7)
-                    value = got.rotations[4 * i + k - 3];
-                else if (k < 9)
-                    value = got.scales[i][static_cast<int>(k - 7)];
-                else if (k < 10)
-                    value = got.opacities[i];
-                else if (k < 13)
-                    value = got.albedos[i][static_cast<int>(k - 10)];
-                else if (k < 14)
-                    value = got.radii[i];
-                else
-                    value = got.bones[i][static_cast<int>(k - 14)];
-                EXPECT_NEAR(value, expected[i][k], 1e-3 * size)
-                    << group.name << " " << k - group.first << " of surfel " << i;
-            }
-        }
+    for (const test::Backward& backward : test::backwards()) {
+        SCOPED_TRACE(backward.name);
+        SurfelGradients got;
+        ASSERT_TRUE(backward.run({scene.params, surfels, scene.camera, channels, gradients, {}}, got).ok());
+        expectNumbers(got, expected);
     }
 }
 
