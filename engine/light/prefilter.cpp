@@ -30,25 +30,6 @@ double distributionIntegral(double t, double alpha) {
            std::atan(t / alpha) / alpha;
 }
 
-#ifdef ARS_HAVE_CUDA
-/// (size, size) solid angles on a CUDA device, copied there once.
-Result<const float*> deviceAreas(const Device& device, int size, TexelArea area) {
-    using Key = std::tuple<int, int, TexelArea>;
-    static std::mutex mutex;
-    // Never destroyed: when the process ends, a device may be gone before its tables.
-    static auto& tables = *new std::map<Key, PixelBuffer>;
-    const std::lock_guard<std::mutex> lock(mutex);
-    PixelBuffer& table = tables[{device.index, size, area}];
-    if (table.empty()) {
-        ARS_TRY(PixelBuffer made, PixelBuffer::allocate(device, size, size, 1, "light: solid angles"));
-        const std::vector<float> angles = texelSolidAngles(size, area);
-        ARS_TRY_STATUS(uploadBuffer(made.memory(), std::as_bytes(std::span<const float>(angles))));
-        table = std::move(made);
-    }
-    return std::as_const(table).view().data;
-}
-#endif
-
 Status averagePool(const Device& device, ImageView<const float> source, ImageView<float> target) {
     if (device.kind == DeviceKind::Host) {
         cpu::averagePool(source, target);
@@ -67,7 +48,7 @@ Status filterLevel(const Device& device, FilterArguments arguments, bool diffuse
         return {};
     }
 #ifdef ARS_HAVE_CUDA
-    ARS_TRY(arguments.areas, deviceAreas(device, arguments.source.width, arguments.area));
+    ARS_TRY(arguments.areas, cuda::texelAreas(device, arguments.source.width, arguments.area));
     return diffuse ? cuda::filterDiffuse(arguments, device.index) : cuda::filterSpecular(arguments, device.index);
 #else
     return makeError(ErrorCode::Unavailable, "light", "this build has no CUDA kernels");
@@ -103,6 +84,24 @@ ImageView<const float> pooledOfSide(ImageView<const float> base, const Prefilter
 }
 
 } // namespace
+
+#ifdef ARS_HAVE_CUDA
+Result<const float*> cuda::texelAreas(const Device& device, int size, TexelArea area) {
+    using Key = std::tuple<int, int, TexelArea>;
+    static std::mutex mutex;
+    // Never destroyed: when the process ends, a device may be gone before its tables.
+    static auto& tables = *new std::map<Key, PixelBuffer>;
+    const std::lock_guard<std::mutex> lock(mutex);
+    PixelBuffer& table = tables[{device.index, size, area}];
+    if (table.empty()) {
+        ARS_TRY(PixelBuffer made, PixelBuffer::allocate(device, size, size, 1, "light: solid angles"));
+        const std::vector<float> angles = texelSolidAngles(size, area);
+        ARS_TRY_STATUS(uploadBuffer(made.memory(), std::as_bytes(std::span<const float>(angles))));
+        table = std::move(made);
+    }
+    return std::as_const(table).view().data;
+}
+#endif
 
 std::string_view lightQualityName(LightQuality quality) { return quality == LightQuality::Draft ? "draft" : "exact"; }
 

@@ -31,6 +31,8 @@ bool useFilterInstructions(FilterInstructions instructions);
 } // namespace cpu
 
 namespace cuda {
+/// (size, size) solid angles on a CUDA device, copied there once.
+Result<const float*> texelAreas(const Device& device, int size, TexelArea area);
 /// Queued on the default stream of device `index`; none of them waits.
 Status averagePool(ImageView<const float> source, ImageView<float> target, int index);
 Status filterSpecular(const FilterArguments& arguments, int index);

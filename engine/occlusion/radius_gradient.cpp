@@ -1,7 +1,7 @@
 #include "engine/occlusion/radius_gradient.h"
 
 #include "engine/core/parallel.h"
-#include "engine/occlusion/radius_gradient_math.h"
+#include "engine/occlusion/radius_gradient_kernels.h"
 
 #include <string_view>
 
@@ -20,7 +20,7 @@ Status checkView(std::string_view name, const ImageView<T>& view, const ImageVie
 
 } // namespace
 
-Status backwardRadius(const RadiusGradientParams& params, ImageView<const float> gradOcclusion,
+Status backwardRadius(const Device& device, const RadiusGradientParams& params, ImageView<const float> gradOcclusion,
                       ImageView<const float> occlusionPlus, ImageView<const float> occlusionMinus,
                       ImageView<const float> radiusPlus, ImageView<const float> radiusMinus,
                       ImageView<const float> opacity, ImageView<float> gradRadius) {
@@ -31,17 +31,18 @@ Status backwardRadius(const RadiusGradientParams& params, ImageView<const float>
     ARS_TRY_STATUS(checkView("R+", radiusPlus, gradRadius));
     ARS_TRY_STATUS(checkView("R-", radiusMinus, gradRadius));
     ARS_TRY_STATUS(checkView("opacity", opacity, gradRadius));
-    parallelFor(
-        gradRadius.pixelCount(),
-        [&](std::size_t p) {
-            const bool covered = opacity[p] >= params.minOpacity;
-            gradRadius[p] = covered
-                                ? gradOcclusion[p] * occlusionSlope(occlusionPlus[p], occlusionMinus[p], radiusPlus[p],
-                                                                    radiusMinus[p], params.minRadiusStepM)
-                                : 0.0f;
-        },
-        4096);
-    return {};
+    const RadiusGradientArguments arguments{
+        gradOcclusion.data, occlusionPlus.data, occlusionMinus.data,     radiusPlus.data,   radiusMinus.data,
+        opacity.data,       gradRadius.data,    gradRadius.pixelCount(), params.minOpacity, params.minRadiusStepM};
+    if (device.kind == DeviceKind::Host) {
+        parallelFor(arguments.pixels, [&arguments](std::size_t p) { radiusGradientPixel(arguments, p); }, 4096);
+        return {};
+    }
+#ifdef ARS_HAVE_CUDA
+    return cuda::backwardRadius(arguments, device.index);
+#else
+    return makeError(ErrorCode::Unavailable, "radius gradient", "this build has no CUDA kernels");
+#endif
 }
 
 } // namespace ars

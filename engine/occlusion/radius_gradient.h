@@ -1,5 +1,6 @@
 #pragma once
 
+#include "engine/core/buffer.h"
 #include "engine/core/error.h"
 #include "engine/core/image_view.h"
 
@@ -16,14 +17,14 @@ struct RadiusGradientParams {
 
 /// dL/dR from dL/dO. Depth, normal, bone direction and importance receive nothing: O has no other way back.
 ///
-/// All images are (height, width), one channel, in host memory.
+/// All images are (height, width), one channel, on `device`. On CUDA the work is queued on the default stream.
 /// @param gradOcclusion  dL/dO
 /// @param occlusionPlus, occlusionMinus  O+ and O-, in [0, 1]
 /// @param radiusPlus, radiusMinus        R+ and R-, metres
 /// @param opacity        splatted opacity, [0, 1]
 /// @param gradRadius     receives dL/dR per metre; every pixel is written
-/// @return InvalidArgument when the sizes differ, naming both.
-Status backwardRadius(const RadiusGradientParams& params, ImageView<const float> gradOcclusion,
+/// @return InvalidArgument when the sizes differ, naming both; Unavailable for CUDA in a build without it.
+Status backwardRadius(const Device& device, const RadiusGradientParams& params, ImageView<const float> gradOcclusion,
                       ImageView<const float> occlusionPlus, ImageView<const float> occlusionMinus,
                       ImageView<const float> radiusPlus, ImageView<const float> radiusMinus,
                       ImageView<const float> opacity, ImageView<float> gradRadius);

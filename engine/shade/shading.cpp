@@ -48,8 +48,13 @@ Status checkOutputs(const ShadingOutputs& outputs, const Camera& camera) {
     return checkPicture("unoccluded", outputs.unoccluded, 3, false, camera);
 }
 
-ShadingArguments makeArguments(const ShadingParams& params, const ShadingInputs& inputs,
-                               const ShadingOutputs& outputs) {
+} // namespace
+
+Result<ShadingArguments> shadingArguments(const ShadingParams& params, const ShadingInputs& inputs) {
+    ARS_TRY_STATUS(checkInputs(inputs));
+    if (!(params.f0 >= 0.0f && params.f0 <= 1.0f)) {
+        return makeError(ErrorCode::InvalidArgument, "shading", fmt::format("f0 {}, expected 0 to 1", params.f0));
+    }
     const Camera& camera = inputs.camera;
     ShadingArguments a;
     a.width = camera.width;
@@ -60,10 +65,6 @@ ShadingArguments makeArguments(const ShadingParams& params, const ShadingInputs&
     a.opacity = inputs.opacity.data;
     a.occlusion = params.occlude ? inputs.occlusion.data : nullptr;
     a.position = inputs.position.data;
-    a.beauty = outputs.beauty.data;
-    a.diffuse = outputs.diffuse.data;
-    a.specular = outputs.specular.data;
-    a.unoccluded = outputs.unoccluded.data;
     a.fx = static_cast<float>(camera.fx);
     a.fy = static_cast<float>(camera.fy);
     a.cx = static_cast<float>(camera.cx);
@@ -77,16 +78,14 @@ ShadingArguments makeArguments(const ShadingParams& params, const ShadingInputs&
     return a;
 }
 
-} // namespace
-
 Status shade(const Device& device, const ShadingParams& params, const ShadingInputs& inputs,
              const ShadingOutputs& outputs) {
-    ARS_TRY_STATUS(checkInputs(inputs));
+    ARS_TRY(ShadingArguments arguments, shadingArguments(params, inputs));
     ARS_TRY_STATUS(checkOutputs(outputs, inputs.camera));
-    if (!(params.f0 >= 0.0f && params.f0 <= 1.0f)) {
-        return makeError(ErrorCode::InvalidArgument, "shading", fmt::format("f0 {}, expected 0 to 1", params.f0));
-    }
-    const ShadingArguments arguments = makeArguments(params, inputs, outputs);
+    arguments.beauty = outputs.beauty.data;
+    arguments.diffuse = outputs.diffuse.data;
+    arguments.specular = outputs.specular.data;
+    arguments.unoccluded = outputs.unoccluded.data;
     if (device.kind == DeviceKind::Host) {
         cpu::shade(arguments);
         return {};

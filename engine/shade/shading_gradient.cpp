@@ -1,12 +1,10 @@
 #include "engine/shade/shading_gradient.h"
 
 #include "engine/core/parallel.h"
-#include "engine/shade/shading_gradient_math.h"
-#include "engine/shade/shading_kernels.h"
+#include "engine/shade/shading_gradient_kernels.h"
 
 #include <algorithm>
 #include <string_view>
-#include <vector>
 
 namespace ars {
 namespace {
@@ -15,162 +13,133 @@ namespace {
 /// result does not depend on the number of threads. Few, because each has a copy of the light.
 constexpr std::size_t kPieces = 4;
 
-Status checkView(std::string_view name, int width, int height, int channels, const Camera& camera, int expected) {
-    if (width == camera.width && height == camera.height && channels == expected) return {};
-    return makeError(ErrorCode::InvalidArgument, "shading gradient",
-                     fmt::format("{} is {}x{} with {} channels, expected {}x{} with {}", name, width, height, channels,
-                                 camera.width, camera.height, expected));
-}
-
 template <typename T>
-Status checkOptional(std::string_view name, const ImageView<T>& view, const Camera& camera, int expected) {
-    if (view.empty()) return {};
-    return checkView(name, view.width, view.height, view.channels, camera, expected);
+Status checkView(std::string_view name, const ImageView<T>& view, int width, int height, int channels) {
+    if (view.width == width && view.height == height && view.channels == channels && !view.empty()) return {};
+    return makeError(ErrorCode::InvalidArgument, "shading gradient",
+                     fmt::format("{} is {}x{} with {} channels, expected {}x{} with {}", name, view.width, view.height,
+                                 view.channels, width, height, channels));
 }
 
-struct Job {
-    const ShadingParams& params;
-    const ShadingInputs& inputs;
-    ImageView<const float> gradBeauty;
-    const ShadingGradientOutputs& outputs;
-    glm::mat3 cameraToEnvironment;
-    glm::mat3 worldToCamera;
-    glm::vec3 cameraWorld;
-};
-
-glm::vec3 vectorAt(const ImageView<const float>& view, std::size_t pixel) {
-    const float* p = view.pixel(pixel);
-    return {p[0], p[1], p[2]};
+Status checkOptional(std::string_view name, const ImageView<float>& view, const Camera& camera, int channels) {
+    return view.empty() ? Status{} : checkView(name, view, camera.width, camera.height, channels);
 }
 
-void put(const ImageView<float>& view, std::size_t pixel, const glm::vec3& value) {
-    if (view.empty()) return;
-    float* p = view.pixel(pixel);
-    p[0] = value.x;
-    p[1] = value.y;
-    p[2] = value.z;
-}
-
-void put(const ImageView<float>& view, std::size_t pixel, float value) {
-    if (!view.empty()) view[pixel] = value;
-}
-
-void scatter(std::vector<float>& cube, const CubeTaps<float>& taps, const glm::vec3& value) {
-    for (int k = 0; k < 4; ++k) {
-        float* texel = cube.data() + 3 * taps.index[k];
-        for (int c = 0; c < 3; ++c) texel[c] += taps.weight[k] * value[c];
-    }
-}
-
-ShadingPoint<float> pointAt(const Job& job, std::size_t pixel) {
-    const Camera& camera = job.inputs.camera;
-    ShadingPoint<float> point;
-    point.albedo = vectorAt(job.inputs.albedo, pixel);
-    point.roughness = job.inputs.roughness[pixel];
-    point.normal = vectorAt(job.inputs.normal, pixel);
-    if (!job.inputs.position.empty()) {
-        point.toCamera = job.worldToCamera * (job.cameraWorld - vectorAt(job.inputs.position, pixel));
-        return point;
-    }
-    const auto width = static_cast<std::size_t>(camera.width);
-    const float column = static_cast<float>(pixel % width) + 0.5f, row = static_cast<float>(pixel / width) + 0.5f;
-    point.toCamera = {(static_cast<float>(camera.cx) - column) / static_cast<float>(camera.fx),
-                      (static_cast<float>(camera.cy) - row) / static_cast<float>(camera.fy), -1.0f};
-    return point;
-}
-
-void backwardPixel(const Job& job, std::size_t pixel, LightLevelGradients* light) {
-    const ShadingGradientOutputs& out = job.outputs;
-    put(out.albedo, pixel, glm::vec3(0.0f));
-    put(out.roughness, pixel, 0.0f);
-    put(out.normal, pixel, glm::vec3(0.0f));
-    put(out.opacity, pixel, 0.0f);
-    put(out.occlusion, pixel, 0.0f);
-    const float opacity = job.inputs.opacity[pixel];
-    if (!(opacity >= kMinOpacity) || !isFiniteNumber(opacity)) return;
-    const float* g = job.gradBeauty.pixel(pixel);
-    const ShadingPoint<float> point = pointAt(job, pixel);
-    const bool occluded = job.params.occlude && !job.inputs.occlusion.empty();
-    const float occlusion = occluded ? job.inputs.occlusion[pixel] : 1.0f;
-    if (!isUsable(point) || !isFiniteNumber(occlusion)) {
-        put(out.opacity, pixel, g[3]);
-        return;
-    }
-    const float specularOcclusion = job.params.occludeSpecular ? occlusion : 1.0f;
-    const ShadedPoint<float> shaded = shadePoint(point, job.inputs.light, job.cameraToEnvironment, job.params.f0);
-    const glm::vec3 gColor(g[0], g[1], g[2]);
-    const glm::vec3 color = occlusion * shaded.diffuse + specularOcclusion * shaded.specular;
-    put(out.opacity, pixel, g[3] + glm::dot(gColor, color));
-    if (occluded) {
-        const glm::vec3 under = job.params.occludeSpecular ? shaded.diffuse + shaded.specular : shaded.diffuse;
-        put(out.occlusion, pixel, opacity * glm::dot(gColor, under));
-    }
-    LightTexelGradient<float> texels;
-    const ShadingPointGradient<float> gPoint = shadePointBackward(
-        point, job.inputs.light, job.cameraToEnvironment, job.params.f0, opacity * occlusion * gColor,
-        opacity * specularOcclusion * gColor, light ? &texels : nullptr);
-    put(out.albedo, pixel, gPoint.albedo);
-    put(out.roughness, pixel, gPoint.roughness);
-    put(out.normal, pixel, gPoint.normal);
-    if (!light) return;
-    scatter(light->diffuse, texels.diffuse, texels.diffuseValue);
-    for (int k = 0; k < 2; ++k) {
-        scatter(light->specular[static_cast<std::size_t>(texels.level[k])], texels.specular[k],
-                texels.specularValue[k]);
-    }
-}
-
-void addTo(std::vector<float>& sum, const std::vector<float>& part) {
-    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += part[i];
-}
-
-} // namespace
-
-Status shadeBackward(const ShadingParams& params, const ShadingInputs& inputs, ImageView<const float> gradBeauty,
-                     const ShadingGradientOutputs& outputs, LightLevelGradients* light) {
-    const Camera& camera = inputs.camera;
-    ARS_TRY_STATUS(checkView("dL/dbeauty", gradBeauty.width, gradBeauty.height, gradBeauty.channels, camera, 4));
-    ARS_TRY_STATUS(checkView("albedo", inputs.albedo.width, inputs.albedo.height, inputs.albedo.channels, camera, 3));
-    ARS_TRY_STATUS(
-        checkView("roughness", inputs.roughness.width, inputs.roughness.height, inputs.roughness.channels, camera, 1));
-    ARS_TRY_STATUS(checkView("normal", inputs.normal.width, inputs.normal.height, inputs.normal.channels, camera, 3));
-    ARS_TRY_STATUS(
-        checkView("opacity", inputs.opacity.width, inputs.opacity.height, inputs.opacity.channels, camera, 1));
-    ARS_TRY_STATUS(checkOptional("occlusion", inputs.occlusion, camera, 1));
-    ARS_TRY_STATUS(checkOptional("position", inputs.position, camera, 3));
+Status checkOutputs(const ShadingGradientOutputs& outputs, const Camera& camera, const LightView<float>& light) {
     ARS_TRY_STATUS(checkOptional("dL/dalbedo", outputs.albedo, camera, 3));
     ARS_TRY_STATUS(checkOptional("dL/droughness", outputs.roughness, camera, 1));
     ARS_TRY_STATUS(checkOptional("dL/dnormal", outputs.normal, camera, 3));
     ARS_TRY_STATUS(checkOptional("dL/dopacity", outputs.opacity, camera, 1));
     ARS_TRY_STATUS(checkOptional("dL/docclusion", outputs.occlusion, camera, 1));
-    const Job job{params,
-                  inputs,
-                  gradBeauty,
-                  outputs,
-                  glm::mat3(glm::dmat3(inputs.light.worldToEnvironment) * glm::transpose(camera.rotation)),
-                  glm::mat3(camera.rotation),
-                  glm::vec3(camera.centerWorld())};
-    const std::size_t pixels = gradBeauty.pixelCount(), size = (pixels + kPieces - 1) / kPieces;
-    std::vector<LightLevelGradients> parts(light ? kPieces : 0);
-    for (LightLevelGradients& part : parts) part.reset(inputs.light);
+    if (outputs.light.levels == 0) return {};
+    if (outputs.light.levels != light.levels) {
+        return makeError(
+            ErrorCode::InvalidArgument, "shading gradient",
+            fmt::format("dL/dlight has {} levels, expected the light's {}", outputs.light.levels, light.levels));
+    }
+    for (int l = 0; l < light.levels; ++l) {
+        const int side = light.specular[l].size;
+        ARS_TRY_STATUS(checkView(fmt::format("dL/dlight, level {},", l),
+                                 outputs.light.specular[static_cast<std::size_t>(l)], side, 6 * side, 3));
+    }
+    return checkView("dL/dlight, the diffuse cube,", outputs.light.diffuse, light.diffuse.size, 6 * light.diffuse.size,
+                     3);
+}
+
+ShadingGradientArguments makeArguments(const ShadingArguments& shading, ImageView<const float> gradBeauty,
+                                       const ShadingGradientOutputs& outputs) {
+    return {shading,
+            gradBeauty.data,
+            outputs.albedo.data,
+            outputs.roughness.data,
+            outputs.normal.data,
+            outputs.opacity.data,
+            outputs.occlusion.data};
+}
+
+/// A buffer of at least `bytes` on `device`; what it held is lost when it is made anew.
+Status reserve(Buffer& buffer, const Device& device, std::size_t bytes) {
+    if (buffer.data() && buffer.device() == device && buffer.bytes() >= bytes) return {};
+    buffer = Buffer();
+    ARS_TRY(buffer, Buffer::allocate(device, bytes, "shading gradient: light"));
+    return {};
+}
+
+/// Each piece of the picture adds to its own part of `parts` (kPieces, layout.count), or to none without `layout`.
+void backwardPieces(const ShadingGradientArguments& arguments, const LightLayout* layout, float* parts) {
+    const auto width = static_cast<std::size_t>(arguments.shading.width);
+    const std::size_t pixels = width * static_cast<std::size_t>(arguments.shading.height);
+    const std::size_t size = (pixels + kPieces - 1) / kPieces;
     parallelFor(
         kPieces,
         [&](std::size_t piece) {
+            float* part = layout ? parts + piece * layout->count : nullptr;
+            if (part) std::fill_n(part, layout->count, 0.0f);
             for (std::size_t p = piece * size; p < std::min(pixels, (piece + 1) * size); ++p) {
-                backwardPixel(job, p, light ? &parts[piece] : nullptr);
+                shadePixelBackward(arguments, static_cast<int>(p / width), static_cast<int>(p % width), layout,
+                                   [part](std::size_t place, float value) { part[place] += value; });
             }
         },
         1);
-    if (!light) return {};
-    *light = std::move(parts[0]);
-    for (std::size_t k = 1; k < kPieces; ++k) {
-        for (int l = 0; l < light->levels; ++l) {
-            const auto level = static_cast<std::size_t>(l);
-            addTo(light->specular[level], parts[k].specular[level]);
+}
+
+void sumPieces(const LightLayout& layout, const float* parts, const LightLevelViews<float>& light) {
+    for (int l = 0; l <= layout.levels; ++l) {
+        const ImageView<float>& target =
+            l < layout.levels ? light.specular[static_cast<std::size_t>(l)] : light.diffuse;
+        const float* from = parts + layout.start[l];
+        for (std::size_t i = 0; i < target.valueCount(); ++i) {
+            float sum = from[i];
+            for (std::size_t k = 1; k < kPieces; ++k) sum += from[k * layout.count + i];
+            target[i] = sum;
         }
-        addTo(light->diffuse, parts[k].diffuse);
     }
+}
+
+Status backwardOnHost(const ShadingGradientArguments& arguments, const LightLevelViews<float>& light,
+                      ShadingGradientWorkspace& workspace) {
+    if (light.levels == 0) {
+        backwardPieces(arguments, nullptr, nullptr);
+        return {};
+    }
+    const LightLayout layout = lightLayout(arguments.shading.light);
+    ARS_TRY_STATUS(reserve(workspace.light, {}, kPieces * layout.count * sizeof(float)));
+    auto* parts = static_cast<float*>(workspace.light.data());
+    backwardPieces(arguments, &layout, parts);
+    sumPieces(layout, parts, light);
     return {};
+}
+
+#ifdef ARS_HAVE_CUDA
+Status backwardOnCuda(const ShadingGradientArguments& arguments, const LightLevelViews<float>& light,
+                      ShadingGradientWorkspace& workspace, const Device& device) {
+    if (light.levels == 0) return cuda::shadeBackward(arguments, nullptr, light, device.index);
+    cuda::LightSums sums;
+    sums.layout = lightLayout(arguments.shading.light);
+    // The sums, and behind them the bound.
+    const std::size_t bytes = sums.layout.count * sizeof(long long);
+    ARS_TRY_STATUS(reserve(workspace.light, device, bytes + sizeof(unsigned int)));
+    sums.sums = static_cast<long long*>(workspace.light.data());
+    sums.bound = reinterpret_cast<unsigned int*>(sums.sums + sums.layout.count);
+    return cuda::shadeBackward(arguments, &sums, light, device.index);
+}
+#endif
+
+} // namespace
+
+Status shadeBackward(const Device& device, const ShadingParams& params, const ShadingInputs& inputs,
+                     ImageView<const float> gradBeauty, const ShadingGradientOutputs& outputs,
+                     ShadingGradientWorkspace& workspace) {
+    ARS_TRY(const ShadingArguments shading, shadingArguments(params, inputs));
+    ARS_TRY_STATUS(checkView("dL/dbeauty", gradBeauty, inputs.camera.width, inputs.camera.height, 4));
+    ARS_TRY_STATUS(checkOutputs(outputs, inputs.camera, inputs.light));
+    const ShadingGradientArguments arguments = makeArguments(shading, gradBeauty, outputs);
+    if (device.kind == DeviceKind::Host) return backwardOnHost(arguments, outputs.light, workspace);
+#ifdef ARS_HAVE_CUDA
+    return backwardOnCuda(arguments, outputs.light, workspace, device);
+#else
+    return makeError(ErrorCode::Unavailable, "shading gradient", "this build has no CUDA kernels");
+#endif
 }
 
 } // namespace ars

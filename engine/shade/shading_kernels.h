@@ -2,6 +2,7 @@
 
 #include "engine/core/error.h"
 #include "engine/core/image_view.h"
+#include "engine/shade/shading.h"
 #include "engine/shade/shading_math.h"
 #include "engine/surfel/gbuffer.h"
 
@@ -21,6 +22,13 @@ struct ShadingArguments {
     float f0 = 0.04f;
     bool occludeSpecular = true;
 };
+
+/// The arguments of both directions, without outputs. InvalidArgument as shade().
+Result<ShadingArguments> shadingArguments(const ShadingParams& params, const ShadingInputs& inputs);
+
+ARS_HD inline std::size_t pixelIndex(const ShadingArguments& a, int row, int column) {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(a.width) + static_cast<std::size_t>(column);
+}
 
 ARS_HD inline glm::vec3 readVector(const float* picture, std::size_t pixel) {
     const float* p = picture + 3 * pixel;
@@ -52,16 +60,8 @@ ARS_HD inline void writeShaded(const ShadingArguments& a, std::size_t pixel, con
     writeVector(a.unoccluded, pixel, shaded.diffuse + shaded.specular);
 }
 
-/// One pixel from memory to memory.
-ARS_HD inline void shadePixel(const ShadingArguments& a, int row, int column) {
-    const std::size_t i =
-        static_cast<std::size_t>(row) * static_cast<std::size_t>(a.width) + static_cast<std::size_t>(column);
-    const float opacity = a.opacity[i];
-    const ShadedPoint<float> black{glm::vec3(0.0f), glm::vec3(0.0f)};
-    if (!(opacity >= kMinOpacity) || !isFiniteNumber(opacity)) {
-        writeShaded(a, i, black, 0.0f, 0.0f);
-        return;
-    }
+ARS_HD inline ShadingPoint<float> readPoint(const ShadingArguments& a, int row, int column) {
+    const std::size_t i = pixelIndex(a, row, column);
     ShadingPoint<float> point;
     point.albedo = readVector(a.albedo, i);
     point.roughness = a.roughness[i];
@@ -72,6 +72,19 @@ ARS_HD inline void shadePixel(const ShadingArguments& a, int row, int column) {
         point.toCamera = {(a.cx - (static_cast<float>(column) + 0.5f)) / a.fx,
                           (a.cy - (static_cast<float>(row) + 0.5f)) / a.fy, -1.0f};
     }
+    return point;
+}
+
+/// One pixel from memory to memory.
+ARS_HD inline void shadePixel(const ShadingArguments& a, int row, int column) {
+    const std::size_t i = pixelIndex(a, row, column);
+    const float opacity = a.opacity[i];
+    const ShadedPoint<float> black{glm::vec3(0.0f), glm::vec3(0.0f)};
+    if (!(opacity >= kMinOpacity) || !isFiniteNumber(opacity)) {
+        writeShaded(a, i, black, 0.0f, 0.0f);
+        return;
+    }
+    const ShadingPoint<float> point = readPoint(a, row, column);
     const float occlusion = a.occlusion ? a.occlusion[i] : 1.0f;
     if (!isUsable(point) || !isFiniteNumber(occlusion)) {
         writeShaded(a, i, black, 0.0f, opacity);

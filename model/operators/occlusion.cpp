@@ -29,7 +29,7 @@ struct OcclusionNode : operators::Node {
         if (!grads[0].defined()) return {at::Tensor()};
         const at::Tensor grad = grads[0].contiguous(), plus = kept(0), minus = kept(1), opacity = kept(2);
         at::Tensor result = at::empty_like(grad);
-        require(backwardRadius({}, pictureOf(grad), pictureOf(occlusionPlus), pictureOf(occlusionMinus),
+        require(backwardRadius({}, {}, pictureOf(grad), pictureOf(occlusionPlus), pictureOf(occlusionMinus),
                                pictureOf(plus), pictureOf(minus), pictureOf(opacity), pictureToFill(result)));
         return {result};
     }

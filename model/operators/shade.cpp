@@ -54,8 +54,9 @@ struct FilterNode : operators::Node {
         }
         gradients.diffuse = numbersOf(grads[static_cast<std::size_t>(levels)], kSmallestLightLevel);
         at::Tensor result = at::empty({6, baseSize, baseSize, 3}, at::kFloat);
-        require(prefilterLightBackward(baseSize, params, gradients,
-                                       {result.mutable_data_ptr<float>(), baseSize, 6 * baseSize, 3}));
+        PrefilterGradientWorkspace workspace;
+        require(prefilterLightBackward({}, baseSize, params, gradients.view(),
+                                       {result.mutable_data_ptr<float>(), baseSize, 6 * baseSize, 3}, workspace));
         return {result};
     }
 };
@@ -97,8 +98,10 @@ struct ShadeNode : operators::Node {
                                    light->view()};
         const bool toLight = task_should_compute_output({{kPictures, kPictures + cubes}});
         LightLevelGradients levels;
-        require(shadeBackward(params, inputs, pictureOf(grad), {to[0], to[1], to[2], to[3], to[4]},
-                              toLight ? &levels : nullptr));
+        if (toLight) levels.reset(inputs.light);
+        ShadingGradientWorkspace workspace;
+        require(shadeBackward({}, params, inputs, pictureOf(grad), {to[0], to[1], to[2], to[3], to[4], levels.view()},
+                              workspace));
         if (!toLight) return result;
         for (std::size_t l = 0; l + 1 < cubes; ++l) {
             const int side = light->specular[l].width();

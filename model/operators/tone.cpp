@@ -21,7 +21,7 @@ struct ToneNode : operators::Node {
         if (!grads[0].defined()) return {at::Tensor()};
         const at::Tensor grad = grads[0].contiguous(), linear = kept(0);
         at::Tensor result = at::empty_like(linear);
-        require(toneMapBackward(params, pictureOf(linear), pictureOf(grad), pictureToFill(result)));
+        require(toneMapBackward({}, params, pictureOf(linear), pictureOf(grad), pictureToFill(result)));
         return {result};
     }
 };

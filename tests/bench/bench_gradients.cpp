@@ -228,13 +228,13 @@ void shade256(benchmark::State& state) {
                                {},
                                view.camera,
                                light.view()};
-    const ShadingGradientOutputs outputs{{albedo.data(), 256, 256, 3},
-                                         {roughness.data(), 256, 256, 1},
-                                         {normal.data(), 256, 256, 3},
-                                         {opacity.data(), 256, 256, 1},
-                                         {gOcclusion.data(), 256, 256, 1}};
     LightLevelGradients levels;
-    measure(state, [&] { return shadeBackward({}, inputs, {gradBeauty.data(), 256, 256, 4}, outputs, &levels); });
+    levels.reset(inputs.light);
+    const ShadingGradientOutputs outputs{{albedo.data(), 256, 256, 3},     {roughness.data(), 256, 256, 1},
+                                         {normal.data(), 256, 256, 3},     {opacity.data(), 256, 256, 1},
+                                         {gOcclusion.data(), 256, 256, 1}, levels.view()};
+    ShadingGradientWorkspace workspace;
+    measure(state, [&] { return shadeBackward({}, {}, inputs, {gradBeauty.data(), 256, 256, 4}, outputs, workspace); });
     state.counters["foreground_k"] = 1e-3 * static_cast<double>(view.foreground);
 }
 
@@ -246,7 +246,10 @@ void prefilterLight64(benchmark::State& state) {
     for (auto& level : levels.specular) level = n.many(level.size());
     levels.diffuse = n.many(levels.diffuse.size());
     std::vector<float> gradient(18 * 64 * 64);
-    measure(state, [&] { return prefilterLightBackward(64, {}, levels, {gradient.data(), 64, 384, 3}); });
+    PrefilterGradientWorkspace workspace;
+    measure(state, [&] {
+        return prefilterLightBackward({}, 64, {}, levels.view(), {gradient.data(), 64, 384, 3}, workspace);
+    });
 }
 
 void occlusionTriple256(benchmark::State& state) {

@@ -40,6 +40,8 @@ GROUPS = {
     "losses": dict(torch=True, tests=["tests/unit/model/losses_test.cpp"],
                    sources=[f"model/loss/{name}.cpp" for name in
                             ("losses", "geometry_losses", "normal_deformation_loss")] + ["model/tensors.cpp"]),
+    "network": dict(torch=True, tests=["tests/unit/model/network_filters_test.cpp"],
+                    sources=["model/network/filters.cpp"]),
 }
 LIBRARIES = ("scene capture frame metrics shade light occlusion surfel maps rig io core").split()
 

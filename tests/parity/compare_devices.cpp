@@ -1,11 +1,13 @@
-// Renders the same scenes on every device, reports how far each buffer is from the processor's, and can dump and
-// compare with another machine's pictures. usage: compare_devices [--dump DIR] [--against DIR] [--surfels N] [--size N]
+// Renders the same scenes on every device, takes every backward function of the engine on them, reports how far each
+// buffer is from the processor's, and can dump and compare with another machine's pictures. Fails where the processor
+// gives other gradients the second time. usage: compare_devices [--dump DIR] [--against DIR] [--surfels N] [--size N]
 #include "engine/frame/display.h"
 #include "engine/frame/frame_pipeline.h"
 #include "engine/frame/framing.h"
 #include "engine/frame/light_source.h"
 #include "engine/frame/rest_avatar.h"
 #include "engine/io/exr.h"
+#include "tests/parity/gradient_parity.h"
 
 #include <fmt/format.h>
 
@@ -119,6 +121,26 @@ void report(const std::string& scene, const std::string& what, const Pictures& e
     }
 }
 
+/// Every backward function: the processor against itself, and each other device against the processor.
+Status compareGradients(AvatarEvaluator& avatar, const std::vector<Scene>& scenes) {
+    for (const Scene& scene : scenes) {
+        // Those that change what backward does.
+        if (scene.name != "posed" && scene.name != "off_centre_exact_depth" && scene.name != "ray_splat") continue;
+        ARS_TRY(const auto gradients, parity::GradientScene::create(avatar, scene.inputs));
+        const parity::Gradients host = gradients->backward({});
+        const bool same = gradients->backward({}) == host;
+        fmt::print("\n{}: {} gradients on the processor, the same numbers the second time: {}\n", scene.name,
+                   host.size(), same ? "yes" : "NO");
+        if (!same) return makeError(ErrorCode::Internal, scene.name, "the processor gives other gradients each time");
+        for (const Device& device : availableDevices()) {
+            if (device.kind == DeviceKind::Host) continue;
+            parity::reportGradients(fmt::format("{}: gradients of {} against cpu", scene.name, deviceName(device)),
+                                    host, gradients->backward(device));
+        }
+    }
+    return {};
+}
+
 Status run(const Options& options) {
     RestAvatarOptions rest;
     rest.maxSurfels = options.surfels;
@@ -147,6 +169,7 @@ Status run(const Options& options) {
             }
         }
     }
+    ARS_TRY_STATUS(compareGradients(*avatar, scenes));
     if (availableDevices().size() == 1) fmt::print("NOT RUN: there is no CUDA device to compare with\n");
     return {};
 }

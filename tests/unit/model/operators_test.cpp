@@ -256,7 +256,9 @@ TEST(ShadeOperator, IsTheEnginesBackwardNumberForNumber) {
     at::Tensor normal = at::empty_like(g[Channel::Normal].detach());
     at::Tensor roughness = at::empty_like(g[Channel::Roughness].detach());
     LightLevelGradients levels;
-    ASSERT_TRUE(shadeBackward({},
+    levels.reset(light.view());
+    ShadingGradientWorkspace workspace;
+    ASSERT_TRUE(shadeBackward({}, {},
                               {viewOf(g[Channel::Albedo]),
                                viewOf(g[Channel::Roughness]),
                                viewOf(g[Channel::Normal]),
@@ -265,12 +267,14 @@ TEST(ShadeOperator, IsTheEnginesBackwardNumberForNumber) {
                                {},
                                scene.camera,
                                light.view()},
-                              viewOf(weights), {{}, writableViewOf(roughness), writableViewOf(normal), {}, {}}, &levels)
+                              viewOf(weights),
+                              {{}, writableViewOf(roughness), writableViewOf(normal), {}, {}, levels.view()}, workspace)
                     .ok());
     EXPECT_TRUE(at::equal(g[Channel::Normal].grad(), normal));
     EXPECT_TRUE(at::equal(g[Channel::Roughness].grad(), roughness));
     at::Tensor base = at::empty({6, 64, 64, 3});
-    ASSERT_TRUE(prefilterLightBackward(64, {}, levels, {base.data_ptr<float>(), 64, 384, 3}).ok());
+    PrefilterGradientWorkspace memory;
+    ASSERT_TRUE(prefilterLightBackward({}, 64, {}, levels.view(), {base.data_ptr<float>(), 64, 384, 3}, memory).ok());
     EXPECT_TRUE(at::equal(scene.texels.grad(), base));
 }
 

@@ -1,12 +1,17 @@
 // Backward of shading: the maths against central differences in double, the picture path against that maths.
 #include "engine/shade/shading_gradient.h"
-#include "engine/shade/shading_gradient_math.h"
+#include "engine/shade/shading_gradient_kernels.h"
+#include "tests/support/devices.h"
+#include "tests/unit/light/light_support.h"
 
-#include <gtest/gtest.h>
-
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <random>
+#include <utility>
 #include <vector>
 
 namespace ars {
@@ -176,58 +181,282 @@ struct Pictures {
     }
 };
 
-TEST(ShadingGradient, PicturePathFollowsDifferencesOfPictures) {
-    for (const bool occludeSpecular : {true, false}) {
-        Pictures pictures;
-        RandomLight<float> light(7);
-        const ShadingParams params{.occludeSpecular = occludeSpecular};
-        constexpr int kWidth = Pictures::kWidth, kHeight = Pictures::kHeight;
-        std::vector<float> albedo(3 * Pictures::kPixels), roughness(Pictures::kPixels), normal(3 * Pictures::kPixels),
-            opacity(Pictures::kPixels), occlusion(Pictures::kPixels);
-        LightLevelGradients levels;
-        const ShadingGradientOutputs outputs{{albedo.data(), kWidth, kHeight, 3},
-                                             {roughness.data(), kWidth, kHeight, 1},
-                                             {normal.data(), kWidth, kHeight, 3},
-                                             {opacity.data(), kWidth, kHeight, 1},
-                                             {occlusion.data(), kWidth, kHeight, 1}};
-        ASSERT_TRUE(shadeBackward(params, pictures.inputs(light.view), {pictures.weights.data(), kWidth, kHeight, 4},
-                                  outputs, &levels)
-                        .ok());
-        // Float differences of a loss that is linear in these: exact but for rounding.
-        const auto compare = [&](std::vector<float>& values, const std::vector<float>& expected, float step,
-                                 double bound) {
-            for (std::size_t i = 0; i < values.size(); i += 5) {
-                const float kept = values[i];
-                values[i] = kept + step;
-                const double up = pictures.loss(light.view, params);
-                values[i] = kept - step;
-                const double down = pictures.loss(light.view, params);
-                values[i] = kept;
-                EXPECT_NEAR(expected[i], (up - down) / (2.0 * step), bound);
-            }
+/// What backward gives, in host memory.
+struct Gradients {
+    std::vector<float> albedo, roughness, normal, opacity, occlusion;
+    std::vector<std::vector<float>> light; ///< specular levels, then the diffuse cube
+};
+
+constexpr int kLevels = RandomLight<float>::kLevels;
+
+/// Pictures and light in the memory of a device, for as long as this lives.
+class OnDevice {
+public:
+    OnDevice(const Device& device, const Pictures& pictures, const RandomLight<float>& light)
+        : device_(device), inputs_(pictures.inputs(light.view)),
+          weights_(upload(pictures.weights, Pictures::kWidth, 4)) {
+        for (ImageView<const float>* view :
+             {&inputs_.albedo, &inputs_.roughness, &inputs_.normal, &inputs_.opacity, &inputs_.occlusion}) {
+            *view = upload({view->data, view->data + view->valueCount()}, view->width, view->channels);
+        }
+        for (int l = 0; l < kLevels; ++l) {
+            const auto level = static_cast<std::size_t>(l);
+            inputs_.light.specular[l].texels = cube(light.specular[level]);
+        }
+        inputs_.light.diffuse.texels = cube(light.diffuse);
+        inputs_.light.lut = upload(light.lut, RandomLight<float>::kLutSize, 2).data;
+    }
+
+    Result<Gradients> backward(const ShadingParams& params, bool toLight = true) {
+        const auto out = [&](int width, int height, int channels) {
+            // Numbers that must all be written over.
+            const std::size_t count = static_cast<std::size_t>(width * height * channels);
+            return test::upload(device_, std::vector<float>(count, 7.0f), width, height, channels);
         };
-        compare(pictures.albedo, albedo, 0.25f, 1e-4);
-        compare(pictures.occlusion, occlusion, 0.25f, 1e-4);
-        compare(light.diffuse, levels.diffuse, 0.25f, 1e-4);
-        for (std::size_t l = 0; l < RandomLight<float>::kLevels; ++l)
-            compare(light.specular[l], levels.specular[l], 0.25f, 1e-4);
-        for (std::size_t p = 0; p < Pictures::kPixels; ++p) {
-            if (pictures.opacity[p] > 0.0f) continue;
-            EXPECT_EQ(albedo[3 * p], 0.0f) << "an empty pixel passes nothing";
-            EXPECT_EQ(occlusion[p], 0.0f);
+        constexpr int w = Pictures::kWidth, h = Pictures::kHeight;
+        PixelBuffer albedo = out(w, h, 3), roughness = out(w, h, 1), normal = out(w, h, 3), opacity = out(w, h, 1),
+                    occlusion = out(w, h, 1);
+        ShadingGradientOutputs outputs{albedo.view(),  roughness.view(), normal.view(),
+                                       opacity.view(), occlusion.view(), {}};
+        std::vector<PixelBuffer> cubes;
+        for (int l = 0; toLight && l <= kLevels; ++l) {
+            const int side = l < kLevels ? inputs_.light.specular[l].size : inputs_.light.diffuse.size;
+            cubes.push_back(out(side, 6 * side, 3));
+            (l < kLevels ? outputs.light.specular[static_cast<std::size_t>(l)] : outputs.light.diffuse) =
+                cubes.back().view();
+            outputs.light.levels = kLevels;
+        }
+        ARS_TRY_STATUS(shadeBackward(device_, params, inputs_, weights_, outputs, workspace_));
+        Gradients result{test::download(albedo),  test::download(roughness), test::download(normal),
+                         test::download(opacity), test::download(occlusion), {}};
+        for (const PixelBuffer& level : cubes) result.light.push_back(test::download(level));
+        return result;
+    }
+
+private:
+    ImageView<const float> upload(const std::vector<float>& values, int width, int channels) {
+        const int height = static_cast<int>(values.size()) / (width * channels);
+        kept_.push_back(test::upload(device_, values, width, height, channels));
+        return std::as_const(kept_.back()).view();
+    }
+    const float* cube(const std::vector<float>& texels) { return upload(texels, 1, 3).data; }
+
+    Device device_;
+    std::vector<PixelBuffer> kept_;
+    ShadingInputs inputs_;
+    ImageView<const float> weights_;
+    ShadingGradientWorkspace workspace_;
+};
+
+/// Float differences of a loss that is linear in `values`: exact but for rounding.
+void expectSlopes(Pictures& pictures, const RandomLight<float>& light, const ShadingParams& params,
+                  std::vector<float>& values, const std::vector<float>& expected) {
+    constexpr float kStep = 0.15f;
+    for (std::size_t i = 0; i < values.size(); i += 5) {
+        const float kept = values[i];
+        if (&values == &pictures.opacity && kept == 0.0f) continue; // no slope where a pixel appears
+        values[i] = kept + kStep;
+        const double up = pictures.loss(light.view, params);
+        values[i] = kept - kStep;
+        const double down = pictures.loss(light.view, params);
+        values[i] = kept;
+        EXPECT_NEAR(expected[i], (up - down) / (2.0 * kStep), 1e-4);
+    }
+}
+
+TEST(ShadingGradient, PicturePathFollowsDifferencesOfPictures) {
+    for (const Device& device : test::devicesUnderTest()) {
+        for (const bool occludeSpecular : {true, false}) {
+            Pictures pictures;
+            RandomLight<float> light(7);
+            const ShadingParams params{.occludeSpecular = occludeSpecular};
+            const auto g = OnDevice(device, pictures, light).backward(params);
+            ASSERT_TRUE(g.ok()) << g.error().describe();
+            expectSlopes(pictures, light, params, pictures.albedo, g->albedo);
+            expectSlopes(pictures, light, params, pictures.occlusion, g->occlusion);
+            expectSlopes(pictures, light, params, pictures.opacity, g->opacity);
+            for (std::size_t l = 0; l < kLevels; ++l) {
+                expectSlopes(pictures, light, params, light.specular[l], g->light[l]);
+            }
+            expectSlopes(pictures, light, params, light.diffuse, g->light[kLevels]);
+            for (std::size_t p = 0; p < Pictures::kPixels; ++p) {
+                if (pictures.opacity[p] > 0.0f) continue;
+                EXPECT_EQ(g->albedo[3 * p], 0.0f) << "an empty pixel passes nothing";
+                EXPECT_EQ(g->occlusion[p], 0.0f);
+                EXPECT_EQ(g->normal[3 * p], 0.0f);
+                EXPECT_EQ(g->roughness[p], 0.0f);
+                EXPECT_EQ(g->opacity[p], 0.0f);
+            }
         }
     }
+}
+
+/// Normals and roughness, of which the picture is no linear function: against the maths in double.
+TEST(ShadingGradient, PicturePathIsTheMaths) {
+    const Pictures pictures;
+    const RandomLight<float> light(7);
+    const RandomLight<double> exact(7);
+    const glm::dmat3 toEnvironment = exact.view.worldToEnvironment * glm::transpose(pictures.camera.rotation);
+    for (const Device& device : test::devicesUnderTest()) {
+        const auto g = OnDevice(device, pictures, light).backward({});
+        ASSERT_TRUE(g.ok());
+        for (std::size_t p = 0; p < Pictures::kPixels; ++p) {
+            if (pictures.opacity[p] == 0.0f) continue;
+            const auto three = [p](const std::vector<float>& v, std::size_t stride) {
+                return glm::dvec3(v[stride * p], v[stride * p + 1], v[stride * p + 2]);
+            };
+            const double column = static_cast<double>(p % Pictures::kWidth) + 0.5;
+            const double row = static_cast<double>(p / Pictures::kWidth) + 0.5;
+            const ShadingPoint<double> point{three(pictures.albedo, 3), pictures.roughness[p],
+                                             three(pictures.normal, 3), -pictures.camera.ray(column, row)};
+            const glm::dvec3 upper = static_cast<double>(pictures.opacity[p]) *
+                                     static_cast<double>(pictures.occlusion[p]) * three(pictures.weights, 4);
+            const ShadingPointGradient<double> expected =
+                shadePointBackward<double>(point, exact.view, toEnvironment, 0.04, upper, upper, nullptr);
+            EXPECT_NEAR(g->roughness[p], expected.roughness, 1e-3 * (0.1 + std::abs(expected.roughness)));
+            for (int c = 0; c < 3; ++c) {
+                EXPECT_NEAR(three(g->normal, 3)[c], expected.normal[c], 1e-3 * (0.1 + glm::length(expected.normal)));
+                EXPECT_NEAR(three(g->albedo, 3)[c], expected.albedo[c], 1e-3 * (0.1 + std::abs(expected.albedo[c])));
+            }
+        }
+    }
+}
+
+/// The pictures' own gradients do not depend on whether the light's are wanted.
+TEST(ShadingGradient, TheLightCanBeLeftOut) {
+    const Pictures pictures;
+    const RandomLight<float> light(7);
+    for (const Device& device : test::devicesUnderTest()) {
+        OnDevice scene(device, pictures, light);
+        const auto all = scene.backward({}), some = scene.backward({}, false);
+        ASSERT_TRUE(all.ok() && some.ok());
+        EXPECT_EQ(all->normal, some->normal);
+        EXPECT_EQ(all->roughness, some->roughness);
+        EXPECT_EQ(all->opacity, some->opacity);
+        const auto again = scene.backward({});
+        ASSERT_TRUE(again.ok());
+        EXPECT_EQ(all->light, again->light) << "the same numbers each time";
+    }
+}
+
+/// What the threads of the CUDA form do, one after the other in an order of its own: the same bodies, whole numbers in
+/// place of the pieces' sums. Only the atomic addition is not run here.
+struct ThreadsInALoop {
+    std::vector<float> light;
+    std::vector<float> albedo;
+
+    ThreadsInALoop(const ShadingInputs& inputs, const std::vector<float>& weights, std::uint32_t seed) {
+        const auto shading = shadingArguments({}, inputs);
+        EXPECT_TRUE(shading.ok());
+        albedo.resize(3 * Pictures::kPixels);
+        ShadingGradientArguments a;
+        a.shading = *shading;
+        a.gradBeauty = weights.data();
+        a.albedo = albedo.data();
+        const LightLayout layout = lightLayout(inputs.light);
+        const int bits = fixedPointBits(Pictures::kPixels);
+        std::vector<int> order(Pictures::kPixels);
+        for (int p = 0; p < Pictures::kPixels; ++p) order[static_cast<std::size_t>(p)] = p;
+        std::shuffle(order.begin(), order.end(), std::mt19937(seed));
+        std::uint32_t largest = 0;
+        for (const int p : order) {
+            const float own = lightGradientBound(a, p / Pictures::kWidth, p % Pictures::kWidth);
+            largest = std::max(largest, std::bit_cast<std::uint32_t>(std::fabs(own)));
+        }
+        const float bound = std::bit_cast<float>(largest);
+        const double steps = isFiniteNumber(bound) ? fixedPointSteps(bound, bits) : 0.0;
+        std::vector<long long> sums(layout.count, 0);
+        for (const int p : order) {
+            shadePixelBackward(a, p / Pictures::kWidth, p % Pictures::kWidth, &layout,
+                               [&](std::size_t place, float value) {
+                                   EXPECT_LE(std::fabs(value), bound) << "what a pixel gives is within its bound";
+                                   sums[place] += toFixedPoint(value, steps);
+                               });
+        }
+        for (const long long sum : sums) light.push_back(fromFixedPoint(sum, bound, bits));
+    }
+};
+
+TEST(ShadingGradient, ThreadsThatAddInAnyOrderGiveTheProcessorsNumbers) {
+    Pictures pictures;
+    const RandomLight<float> light(7);
+    for (const float size : {1.0f, 1e-12f, 3e20f}) {
+        for (float& w : pictures.weights) w *= size;
+        const auto expected = OnDevice({}, pictures, light).backward({});
+        ASSERT_TRUE(expected.ok());
+        const ThreadsInALoop first(pictures.inputs(light.view), pictures.weights, 1);
+        const ThreadsInALoop second(pictures.inputs(light.view), pictures.weights, 2);
+        EXPECT_EQ(first.light, second.light) << "the order changes nothing, not the last bit";
+        EXPECT_EQ(first.albedo, expected->albedo);
+        std::size_t at = 0;
+        float strongest = 0.0f;
+        for (const std::vector<float>& cube : expected->light) {
+            for (const float v : cube) strongest = std::max(strongest, std::fabs(v));
+        }
+        ASSERT_GT(strongest, 0.0f);
+        for (const std::vector<float>& cube : expected->light) {
+            for (const float v : cube) EXPECT_NEAR(first.light[at++], v, 2e-6f * strongest);
+        }
+        EXPECT_EQ(at, first.light.size());
+        for (float& w : pictures.weights) w /= size;
+    }
+}
+
+TEST(ShadingGradient, ANumberThatIsNotFiniteIsSeenInTheLight) {
+    Pictures pictures;
+    const RandomLight<float> light(7);
+    const auto sumOf = [](const std::vector<std::vector<float>>& cubes) {
+        double sum = 0.0;
+        for (const auto& cube : cubes) {
+            for (const float v : cube) sum += static_cast<double>(v);
+        }
+        return sum;
+    };
+    pictures.weights[4 * 30] = std::numeric_limits<float>::quiet_NaN();
+    ASSERT_GT(pictures.opacity[30], 0.0f);
+    for (const Device& device : test::devicesUnderTest()) {
+        const auto g = OnDevice(device, pictures, light).backward({});
+        ASSERT_TRUE(g.ok());
+        EXPECT_TRUE(std::isnan(sumOf(g->light)));
+    }
+    // Beside a pixel that shows nothing it changes nothing.
+    pictures.opacity[30] = 0.0f;
+    for (const Device& device : test::devicesUnderTest()) {
+        const auto g = OnDevice(device, pictures, light).backward({});
+        ASSERT_TRUE(g.ok());
+        EXPECT_TRUE(std::isfinite(sumOf(g->light)));
+    }
+    EXPECT_TRUE(std::isnan(fromFixedPoint(3, std::numeric_limits<float>::infinity(), 40)));
+    EXPECT_TRUE(std::isnan(fromFixedPoint(3, std::numeric_limits<float>::quiet_NaN(), 40)));
+    EXPECT_EQ(fromFixedPoint(-(1ll << 40), 0.75f, 40), -1.0f) << "the bound's power of two is 2^bits steps";
 }
 
 TEST(ShadingGradient, WrongSizesAreNamed) {
     const Pictures pictures;
     const RandomLight<float> light(7);
-    const Status status =
-        shadeBackward({}, pictures.inputs(light.view), {pictures.weights.data(), 3, 3, 4}, {}, nullptr);
-    ASSERT_FALSE(status.ok());
-    EXPECT_NE(status.error().describe().find("dL/dbeauty is 3x3 with 4 channels, expected 9x7 with 4"),
-              std::string::npos)
-        << status.error().describe();
+    const ImageView<const float> beauty{pictures.weights.data(), Pictures::kWidth, Pictures::kHeight, 4};
+    ShadingGradientWorkspace workspace;
+    const auto message = [&](ImageView<const float> gradBeauty, const ShadingGradientOutputs& outputs) {
+        const Status status = shadeBackward({}, {}, pictures.inputs(light.view), gradBeauty, outputs, workspace);
+        return status.ok() ? std::string("no error") : status.error().describe();
+    };
+    EXPECT_EQ(message({pictures.weights.data(), 3, 3, 4}, {}),
+              "shading gradient: dL/dbeauty is 3x3 with 4 channels, expected 9x7 with 4");
+    LightLevelGradients levels;
+    levels.reset(light.view);
+    ShadingGradientOutputs outputs;
+    outputs.light = levels.view();
+    EXPECT_EQ(message(beauty, outputs), "no error");
+    levels.specular[1].resize(18 * 2 * 2);
+    outputs.light = levels.view();
+    EXPECT_EQ(message(beauty, outputs),
+              "shading gradient: dL/dlight, level 1, is 2x12 with 3 channels, expected 4x24 with 3");
+    outputs.light.levels = 2;
+    EXPECT_EQ(message(beauty, outputs), "shading gradient: dL/dlight has 2 levels, expected the light's 4");
+    const Status refused =
+        shadeBackward({DeviceKind::Cuda, 99}, {}, pictures.inputs(light.view), beauty, {}, workspace);
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::Unavailable) << refused.error().describe();
 }
 
 } // namespace

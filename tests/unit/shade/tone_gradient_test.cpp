@@ -1,8 +1,8 @@
 // Backward of the tone curves against central differences in double, and the picture path against that maths.
 #include "engine/shade/tone_gradient.h"
 #include "engine/shade/tone_gradient_math.h"
-
-#include <gtest/gtest.h>
+#include "tests/support/devices.h"
+#include "tests/unit/light/light_support.h"
 
 #include <cmath>
 #include <random>
@@ -59,14 +59,20 @@ TEST(ToneGradient, PicturePathIsTheMaths) {
     constexpr int kWidth = 37, kHeight = 5;
     std::mt19937 random(2);
     std::uniform_real_distribution<float> unit(0.0f, 1.0f);
-    std::vector<float> linear(4 * kWidth * kHeight), g(linear.size()), got(linear.size());
+    std::vector<float> linear(4 * kWidth * kHeight), g(linear.size());
     for (float& v : linear) v = unit(random);
     for (float& v : g) v = unit(random) - 0.5f;
-    for (const ToneCurve curve : {ToneCurve::None, ToneCurve::Aces, ToneCurve::Agx}) {
+    const std::vector<Device> devices = test::devicesUnderTest();
+    for (std::size_t i = 0; i < 3 * devices.size(); ++i) {
+        const Device& device = devices[i / 3];
+        const auto curve = static_cast<ToneCurve>(i % 3);
         const ToneParams params{.exposureEv = 0.5f, .curve = curve, .backgroundRed = 0.3f};
-        ASSERT_TRUE(toneMapBackward(params, {linear.data(), kWidth, kHeight, 4}, {g.data(), kWidth, kHeight, 4},
-                                    {got.data(), kWidth, kHeight, 4})
-                        .ok());
+        const PixelBuffer from = test::upload(device, linear, kWidth, kHeight, 4);
+        const PixelBuffer upper = test::upload(device, g, kWidth, kHeight, 4);
+        PixelBuffer lower = test::upload(device, std::vector<float>(linear.size(), 7.0f), kWidth, kHeight, 4);
+        const Status status = toneMapBackward(device, params, from.view(), upper.view(), lower.view());
+        ASSERT_TRUE(status.ok()) << status.error().describe();
+        const std::vector<float> got = test::download(lower);
         const ToneSettings<double> tone{std::exp2(0.5), static_cast<int>(curve), false, glm::dvec3(0.3f, 0.0, 0.0)};
         for (std::size_t p = 0; p < kWidth * kHeight; ++p) {
             const auto at = [p](const std::vector<float>& v) {
@@ -76,9 +82,22 @@ TEST(ToneGradient, PicturePathIsTheMaths) {
             for (int c = 0; c < 4; ++c) EXPECT_NEAR(at(got)[c], expected[c], 1e-3 * (1.0 + std::abs(expected[c])));
         }
     }
-    EXPECT_FALSE(toneMapBackward({}, {linear.data(), kWidth, kHeight, 4}, {g.data(), 3, kHeight, 4},
-                                 {got.data(), kWidth, kHeight, 4})
-                     .ok());
+}
+
+TEST(ToneGradient, WrongPicturesAreNamed) {
+    std::vector<float> four(16);
+    const Status status =
+        toneMapBackward({}, {}, {four.data(), 2, 2, 4}, {four.data(), 3, 1, 4}, {four.data(), 2, 2, 4});
+    ASSERT_FALSE(status.ok());
+    EXPECT_NE(status.error().describe().find("dL/ddisplay is 3x1 with 4 channels, expected 2x2 with 4"),
+              std::string::npos)
+        << status.error().describe();
+    EXPECT_FALSE(toneMapBackward({}, {}, {four.data(), 2, 2, 4}, {nullptr, 2, 2, 4}, {four.data(), 2, 2, 4}).ok());
+    const Device absent{DeviceKind::Cuda, 99};
+    const Status refused =
+        toneMapBackward(absent, {}, {four.data(), 2, 2, 4}, {four.data(), 2, 2, 4}, {four.data(), 2, 2, 4});
+    ASSERT_FALSE(refused.ok());
+    EXPECT_EQ(refused.error().code, ErrorCode::Unavailable) << refused.error().describe();
 }
 
 } // namespace

@@ -1,0 +1,32 @@
+#include <cuda_runtime.h>
+
+#include "engine/occlusion/radius_gradient_kernels.h"
+
+#include <string>
+
+namespace ars::cuda {
+namespace {
+
+constexpr int kBlock = 256;
+
+__global__ void radiusGradientKernel(RadiusGradientArguments a) {
+    const std::size_t p = blockIdx.x * static_cast<std::size_t>(kBlock) + threadIdx.x;
+    if (p < a.pixels) radiusGradientPixel(a, p);
+}
+
+Status cudaStatus(cudaError_t code) {
+    if (code == cudaSuccess) return {};
+    return makeError(ErrorCode::Unavailable, "radius gradient",
+                     std::string("the CUDA device refused: ") + cudaGetErrorString(code));
+}
+
+} // namespace
+
+Status backwardRadius(const RadiusGradientArguments& arguments, int index) {
+    ARS_TRY_STATUS(cudaStatus(cudaSetDevice(index)));
+    const auto blocks = static_cast<unsigned>((arguments.pixels + kBlock - 1) / kBlock);
+    radiusGradientKernel<<<blocks, kBlock>>>(arguments);
+    return cudaStatus(cudaGetLastError());
+}
+
+} // namespace ars::cuda
