@@ -35,9 +35,13 @@ Status checkOptions(const EvalOptions& options) {
          {std::pair{"--avatar", options.avatar}, {"--capture", options.capture}, {"--out", options.out}}) {
         if (value.empty()) return wrongUsage(option, "is missing");
     }
+    if (options.lpipsBackbone.empty() != options.lpipsHeads.empty()) {
+        return wrongUsage(options.lpipsBackbone.empty() ? "--lpips-backbone" : "--lpips-heads",
+                          "is missing: LPIPS needs the backbone's weights and the heads'");
+    }
     std::error_code ignored;
     for (const auto& [option, value] : {std::pair{"--avatar", options.avatar}, {"--capture", options.capture}}) {
-        if (!fs::exists(value, ignored)) {
+        if (!value.starts_with("rest:") && !fs::exists(value, ignored)) {
             return makeError(ErrorCode::NotFound, option,
                              fmt::format("expected a folder, found nothing at \"{}\"", printable(value)));
         }
@@ -56,6 +60,8 @@ Status eval(const EvalOptions& options, ProgressBar& bar) {
     request.cameras = options.cameras;
     request.frames = options.frames;
     request.light = options.light;
+    request.lpipsBackbone = options.lpipsBackbone;
+    request.lpipsHeads = options.lpipsHeads;
     request.pictures = options.pictures;
     request.project = options.project;
     ARS_TRY(ModelPlugin* const model, loadModel());

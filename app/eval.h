@@ -13,9 +13,10 @@ struct EvalOptions {
     std::string protocol = "masked"; ///< ag, heldout, masked
     std::string cameras, frames;     ///< override the split's
     std::string light;               ///< the capture's true light; empty: lights/*.exr in or beside the capture
-    int pictures = 8;                ///< views that are written as pictures
-    bool project = true;             ///< poses are projected onto those of training
-    std::string out;                 ///< report.json, report.txt, pictures/
+    std::string lpipsBackbone, lpipsHeads; ///< weight files of LPIPS; both or none
+    int pictures = 8;                      ///< views that are written as pictures
+    bool project = true;                   ///< poses are projected onto those of training
+    std::string out;                       ///< report.json, report.txt, pictures/
     OutputOptions output;
 };
 

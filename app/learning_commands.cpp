@@ -45,6 +45,12 @@ CLI::App& addEval(CLI::App& app, EvalOptions& options) {
     command
         .add_option("--light", options.light, "True light, for relit figures (default: lights/*.exr of the capture)")
         ->type_name("FILE");
+    command
+        .add_option("--lpips-backbone", options.lpipsBackbone,
+                    "Weights of VGG16 or AlexNet (.pth of torchvision, .safetensors), for LPIPS")
+        ->type_name("FILE");
+    command.add_option("--lpips-heads", options.lpipsHeads, "LPIPS' own linear weights of the same network")
+        ->type_name("FILE");
     command.add_option("--pictures", options.pictures, "How many views are written as pictures")->type_name("N");
     command.add_option("--out", options.out, "Folder for report.json, report.txt and pictures")
         ->type_name("DIR")

@@ -224,6 +224,10 @@ void describeEnd(const TrainOptions& options, const RunStatus& status) {
             : printable(status.note.empty() ? std::string(runStateName(status.state)) : status.note);
     const std::string checkpoint = status.checkpoint.empty() ? "" : fmt::format(", {}", printable(status.checkpoint));
     fmt::print("{}: {}{}\n", printable(options.run), what, checkpoint);
+    // Not after a discard: then there is no run.
+    if (status.state != RunState::Finished && looksLikeRunFolder(options.run)) {
+        fmt::print("ars train --run {} --resume goes on with it\n", printable(options.run));
+    }
 }
 
 } // namespace

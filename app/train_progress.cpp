@@ -16,14 +16,12 @@ constexpr auto kRedraw = std::chrono::milliseconds(200);
 constexpr auto kLineEvery = std::chrono::seconds(10); ///< plain lines, so that logs stay short
 constexpr auto kRowsEvery = std::chrono::milliseconds(200);
 
-/// The terms in the order of their names with the sum at last; at most so many, or the line grows too long.
+/// What compares pictures, and the sum; all the terms would make the line too long.
 std::string lossText(const RunStatus& status) {
-    constexpr int kMost = 3;
     std::string text;
-    int shown = 0;
-    for (const char* name : {"l1", "perceptual", "lpips"}) {
+    for (const char* name : {"l1", "ms_ssim_gradient", "lpips_vgg", "lpips_alex"}) {
         const auto loss = status.losses.find(name);
-        if (loss != status.losses.end() && shown++ < kMost) text += fmt::format("  {} {:.4f}", name, loss->second);
+        if (loss != status.losses.end()) text += fmt::format("  {} {:.4f}", name, loss->second);
     }
     const auto total = status.losses.find("total");
     if (total != status.losses.end()) text += fmt::format("  total {:.4f}", total->second);

@@ -1,6 +1,7 @@
 #include "model/plugin.h"
 
 #include "engine/capture/capture.h"
+#include "engine/frame/rest_avatar.h"
 #include "model/avatar/avatar_model.h"
 #include "model/evaluation/evaluation.h"
 #include "model/run/training_run.h"
@@ -103,6 +104,14 @@ Result<PreparedRun> prepareResume(const TrainRequest& request) {
     return run;
 }
 
+/// rest:FILE: nothing learned, what a training must beat.
+Result<EvaluatedAvatar> restAvatarOf(const std::string& source, const ProgressFunction& progress) {
+    EvaluatedAvatar avatar;
+    ARS_TRY(avatar.evaluator, restAvatarFromFile(source, {}, progress));
+    avatar.splat.depth = DepthMode::Filtered;
+    return avatar;
+}
+
 class Plugin final : public ModelPlugin {
 public:
     TorchInfo initialize() override { return initializeTorch(); }
@@ -147,13 +156,7 @@ public:
     }
 
     Result<nlohmann::ordered_json> evaluate(const EvalRequest& request, const ProgressFunction& progress) override {
-        ARS_TRY(const OpenedAvatar opened, openAvatar(request.avatar, request.project));
-        EvaluatedAvatar avatar;
-        avatar.evaluator = opened.evaluator;
-        avatar.radii = opened.radii;
-        avatar.light = opened.light;
-        avatar.splat = opened.splat;
-        avatar.name = request.avatar.string();
+        ARS_TRY(const EvaluatedAvatar avatar, evaluatedAvatar(request, progress));
         EvaluationOptions options;
         ARS_TRY(options.protocol, evaluationProtocol(request.protocol));
         options.split = request.split;
@@ -162,6 +165,8 @@ public:
         options.outFolder = request.out;
         options.pictures = request.pictures;
         options.light = request.light;
+        options.lpipsBackbone = request.lpipsBackbone;
+        options.lpipsHeads = request.lpipsHeads;
         return evaluateAvatar(avatar, request.capture, options, progress);
     }
 
@@ -174,6 +179,24 @@ public:
         ARS_TRY(const std::filesystem::path source, avatarFolder(checkpoint));
         ARS_TRY(const AvatarModel model, readAvatar(source));
         return writeAvatar(folder, model, {});
+    }
+
+private:
+    Result<EvaluatedAvatar> evaluatedAvatar(const EvalRequest& request, const ProgressFunction& progress) {
+        constexpr std::string_view kRest = "rest:";
+        const std::string name = request.avatar.string();
+        EvaluatedAvatar avatar;
+        if (name.starts_with(kRest)) {
+            ARS_TRY(avatar, restAvatarOf(name.substr(kRest.size()), progress));
+        } else {
+            ARS_TRY(const OpenedAvatar opened, openAvatar(request.avatar, request.project));
+            avatar.evaluator = opened.evaluator;
+            avatar.radii = opened.radii;
+            avatar.light = opened.light;
+            avatar.splat = opened.splat;
+        }
+        avatar.name = name;
+        return avatar;
     }
 };
 

@@ -52,6 +52,7 @@ struct EvalRequest {
     std::string protocol = "masked";
     std::string cameras, frames;
     std::filesystem::path light;
+    std::filesystem::path lpipsBackbone, lpipsHeads; ///< weight files; both or none
     int pictures = 8;
     bool project = true; ///< PCA projection of poses
 };

@@ -11,6 +11,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <new>
 #include <set>
 #include <utility>
 
@@ -134,6 +135,8 @@ Status loadModel(std::span<const std::byte> bytes, const GltfParts& parts, Folde
                                 : loader.LoadASCIIFromString(&model, &errors, &warnings, parts.json.data(),
                                                              static_cast<unsigned int>(parts.json.size()), folder);
         if (!loaded) return bad("", firstLine(errors));
+    } catch (const std::bad_alloc&) {
+        return makeError(ErrorCode::OutOfMemory, "", fmt::format("no memory for a glTF of {} bytes", bytes.size()));
     } catch (const std::exception& error) {
         return bad("", firstLine(error.what()));
     }

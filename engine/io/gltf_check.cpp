@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cctype>
 #include <limits>
+#include <new>
 #include <system_error>
 
 namespace ars {
@@ -384,6 +385,8 @@ Status checkGltfJson(const GltfParts& parts, const std::filesystem::path& folder
         return checkParsed(json::parse(parts.json), parts, folder, limits, notes);
     } catch (const json::parse_error& error) {
         return bad("JSON", fmt::format("byte {}: {}", error.byte, quotedFound(error.what())));
+    } catch (const std::bad_alloc&) {
+        return makeError(ErrorCode::OutOfMemory, "JSON", fmt::format("no memory for {} bytes", parts.json.size()));
     } catch (const std::exception& error) {
         return bad("JSON", error.what());
     }

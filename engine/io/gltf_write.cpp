@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <new>
 #include <sstream>
 #include <utility>
 
@@ -525,6 +526,8 @@ private:
             const std::string text = std::move(stream).str();
             const auto* data = reinterpret_cast<const std::byte*>(text.data());
             return std::vector<std::byte>(data, data + text.size());
+        } catch (const std::bad_alloc&) {
+            return makeError(ErrorCode::OutOfMemory, "", "no memory for the document");
         } catch (const std::exception& error) {
             // nlohmann-json refuses names that are not UTF-8.
             return invalid("", error.what());

@@ -10,6 +10,7 @@
 #include <cctype>
 #include <cmath>
 #include <map>
+#include <new>
 
 namespace ars {
 namespace {
@@ -163,6 +164,8 @@ Result<RetargetMap> parseRetargetMap(std::span<const std::byte> text) {
     try {
         const json object = json::parse(begin, begin + text.size());
         return parseMapObject(object);
+    } catch (const std::bad_alloc&) {
+        return makeError(ErrorCode::OutOfMemory, "", fmt::format("no memory for a joint map of {} bytes", text.size()));
     } catch (const std::exception& error) {
         return badMap("", fmt::format("expected JSON: {}", error.what()));
     }

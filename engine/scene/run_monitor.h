@@ -75,8 +75,8 @@ void setTrainingProgram(std::filesystem::path program);
 std::vector<std::string> trainingCommand(const TrainingStart& start);
 /// Lines "name=value", without empty ones and comments (#). InvalidArgument names a line that is neither.
 Result<std::vector<std::string>> parseSettingLines(const std::string& text);
-/// Starts it in a session of its own, so that it outlives this program; what it says goes to the run's log.txt.
-/// InvalidArgument where capture or run is missing or the run is owned; Io.
+/// Starts it in a session of its own, so that it outlives this program; what it says goes to the run's log.txt. At nice
+/// 5, for the window's sake. InvalidArgument where capture or run is missing or the run is owned; Io.
 Result<ChildProcess> startTraining(const TrainingStart& start);
 /// The last lines of a run's log, for a process that ended without a status.
 std::string endOfLog(const std::filesystem::path& run, std::size_t lines = 4);

@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <sys/resource.h>
+
+#include <charconv>
 #include <deque>
 #include <fstream>
 #include <mutex>
@@ -11,6 +14,9 @@
 namespace ars {
 namespace fs = std::filesystem;
 namespace {
+
+/// So that a window, and whatever else a person does, goes before a training that takes hours.
+constexpr int kTrainingNiceness = 5;
 
 struct Program {
     std::mutex mutex;
@@ -49,6 +55,26 @@ Status checkStart(const TrainingStart& start) {
                          "there is a run in this folder already; resume it or choose another folder");
     }
     return {};
+}
+
+/// A thread by its id; one that is as nice already stays so.
+void makeNice(id_t thread) {
+    if (::getpriority(PRIO_PROCESS, thread) < kTrainingNiceness) {
+        ::setpriority(PRIO_PROCESS, thread, kTrainingNiceness);
+    }
+}
+
+/// Threads inherit from the one that starts them, so the first one is enough unless the process was quicker than we
+/// are.
+void makeProcessNice(int process) {
+    makeNice(static_cast<id_t>(process));
+    std::error_code failure;
+    for (fs::directory_iterator it(fmt::format("/proc/{}/task", process), failure), end; !failure && it != end;
+         it.increment(failure)) {
+        const std::string name = it->path().filename().string();
+        id_t thread = 0;
+        if (std::from_chars(name.data(), name.data() + name.size(), thread).ec == std::errc()) makeNice(thread);
+    }
 }
 
 } // namespace
@@ -99,7 +125,9 @@ Result<ChildProcess> startTraining(const TrainingStart& start) {
     std::error_code failure;
     fs::create_directories(start.run, failure);
     if (failure) return makeError(ErrorCode::Io, start.run.string(), "cannot be made: " + failure.message());
-    return ChildProcess::start(trainingCommand(start), start.run / kRunLogFile, true);
+    ARS_TRY(ChildProcess child, ChildProcess::start(trainingCommand(start), start.run / kRunLogFile, true));
+    makeProcessNice(child.id());
+    return child;
 }
 
 std::string endOfLog(const fs::path& run, std::size_t lines) {

@@ -3,6 +3,7 @@
 #include "engine/capture/capture.h"
 #include "engine/frame/frame_pipeline.h"
 #include "model/evaluation/evaluation.h"
+#include "model/loss/perceptual.h"
 
 #include <array>
 #include <filesystem>
@@ -86,10 +87,12 @@ Image composedRadiance(const RenderedView& view, const std::array<float, 3>& bac
 /// Figures of a view under their names, in the order of the report.
 using Figures = std::vector<std::pair<std::string, double>>;
 
-/// PSNR and SSIM of a picture in the mask (over the photograph's own background) and on the whole picture over white.
+/// PSNR and SSIM of a picture in the mask (over the photograph's own background) and on the whole picture over white;
+/// LPIPS of the latter, where there are weights for it.
 struct PictureJudge {
     EvaluationProtocol protocol;
     const Photograph& photograph;
+    const PerceptualLoss* lpips = nullptr;
     /// @param masked  the picture over the photograph's background
     /// @param white   the picture over white
     Status judge(const std::string& name, const Image& masked, Image white, Figures& figures) const;

@@ -50,6 +50,7 @@ struct Evaluation {
     const EvaluationOptions& options;
     std::vector<EvaluatedCapture> sets;
     detail::ViewRenderer renderer;
+    std::unique_ptr<PerceptualLoss> lpips; ///< none without weight files
     std::unique_ptr<PrefilteredLight> ownLight;
     std::map<fs::path, std::unique_ptr<PrefilteredLight>> trueLights;
     std::map<fs::path, CubeMap> trueCubes;
@@ -65,6 +66,27 @@ struct Evaluation {
         return found == trueLights.end() ? nullptr : found->second.get();
     }
 };
+
+/// Nothing without files; what is wrong with them is said before anything is rendered.
+Result<std::unique_ptr<PerceptualLoss>> openLpips(const EvaluationOptions& options) {
+    if (options.lpipsBackbone.empty() && options.lpipsHeads.empty()) return std::unique_ptr<PerceptualLoss>();
+    if (options.lpipsBackbone.empty() || options.lpipsHeads.empty()) {
+        return makeError(ErrorCode::InvalidArgument,
+                         options.lpipsBackbone.empty() ? "--lpips-backbone" : "--lpips-heads",
+                         "is missing: LPIPS needs the backbone's weights and the heads'");
+    }
+    return readLpips(options.lpipsBackbone, options.lpipsHeads);
+}
+
+/// What LPIPS figures were computed with: names tell nothing of the weights, so the files are named too.
+Json lpipsJson(const Evaluation& evaluation) {
+    // Never a number that was not computed with weights.
+    if (!evaluation.lpips) return nullptr;
+    const std::string name = evaluation.lpips->name();
+    return {{"network", name.substr(name.find('_') + 1)},
+            {"backbone", evaluation.options.lpipsBackbone.string()},
+            {"heads", evaluation.options.lpipsHeads.string()}};
+}
 
 Status openLights(Evaluation& evaluation) {
     if (evaluation.avatar.light) {
@@ -142,7 +164,7 @@ Result<ViewReport> evaluateView(Evaluation& evaluation, const EvaluatedCapture& 
     const Camera& camera = photograph.view.camera;
     ARS_TRY(const detail::TrueBuffers truth, readTrueBuffers(set, view, camera));
     ARS_TRY(const detail::RenderedView ours, evaluation.renderer.render(set.capture.pose(view.frame), camera));
-    const detail::PictureJudge judge{evaluation.options.protocol, photograph};
+    const detail::PictureJudge judge{evaluation.options.protocol, photograph, evaluation.lpips.get()};
     ViewReport report;
     Figures& figures = report.figures;
     std::vector<Image> pictures{detail::composedRadiance(ours, photograph.background)};
@@ -260,9 +282,11 @@ void addLightFigures(const Evaluation& evaluation, Json& report) {
 Result<Json> evaluateAvatar(const EvaluatedAvatar& avatar, const fs::path& capture, const EvaluationOptions& options,
                             const ProgressFunction& progress) {
     ARS_TRY_STATUS(reportProgress(progress, 0.0, "opening the capture"));
+    ARS_TRY(auto lpips, openLpips(options));
     ARS_TRY(auto sets, detail::openEvaluatedCaptures(capture, options));
     ARS_TRY(auto renderer, detail::ViewRenderer::create(avatar));
-    Evaluation evaluation{avatar, options, std::move(sets), std::move(renderer), nullptr, {}, {}, {}, {}};
+    Evaluation evaluation{avatar, options, std::move(sets), std::move(renderer), std::move(lpips), nullptr, {}, {},
+                          {},     {}};
     ARS_TRY_STATUS(openLights(evaluation));
     ARS_TRY_STATUS(fitAlbedo(evaluation, progress));
 
@@ -272,8 +296,7 @@ Result<Json> evaluateAvatar(const EvaluatedAvatar& avatar, const fs::path& captu
                 {"protocol", protocolName(options.protocol)},
                 {"protocol_text", protocolText(options.protocol)},
                 {"views", evaluation.viewCount()}};
-    // Never a number that was not computed with the real weights.
-    report["lpips"] = nullptr;
+    report["lpips"] = lpipsJson(evaluation);
     report["fid"] = nullptr;
     if (evaluation.ours.pixels > 0) {
         report["albedo_scale"] = vectorJson(evaluation.ours.value());

@@ -40,12 +40,15 @@ struct EvaluationOptions {
     int pictures = 8;                ///< how many views are written as pictures
     std::filesystem::path
         light; ///< the capture's true light, for relit figures; empty: lights/*.exr beside the capture
+    std::filesystem::path lpipsBackbone, lpipsHeads; ///< weight files of readLpips; both or none
 };
 
 /// Renders every view of the split and compares: PSNR, SSIM, mask IoU of radiance and PBR pictures; with ground truth
 /// in CAMERA/gt: normal angle (degrees), depth (mm), albedo (dB, after one scale per channel over all pictures),
 /// roughness, AO, relit PSNR with and without the albedo scale; the photograph itself as albedo under the same
-/// alignment. Per view and in the mean, with protocol, split, cameras and frames named.
+/// alignment. With the weight files LPIPS of full pictures. Per view and in the mean, with protocol, split, cameras and
+/// frames named.
+/// @return errors of the readers; InvalidArgument where one LPIPS file is given without the other
 Result<nlohmann::ordered_json> evaluateAvatar(const EvaluatedAvatar& avatar, const std::filesystem::path& capture,
                                               const EvaluationOptions& options, const ProgressFunction& progress = {});
 /// The table that a terminal shows.

@@ -23,12 +23,15 @@ constexpr TableRow kRows[] = {
     {"radiance_ssim_mask", "radiance, SSIM in the mask", "", 4},
     {"radiance_psnr_full", "radiance, PSNR full picture", "dB", 2},
     {"radiance_ssim_full", "radiance, SSIM full picture", "", 4},
+    {"radiance_lpips", "radiance, LPIPS", "", 4},
     {"pbr_psnr_mask", "PBR, PSNR in the mask", "dB", 2},
     {"pbr_ssim_mask", "PBR, SSIM in the mask", "", 4},
     {"pbr_psnr_full", "PBR, PSNR full picture", "dB", 2},
     {"pbr_ssim_full", "PBR, SSIM full picture", "", 4},
+    {"pbr_lpips", "PBR, LPIPS", "", 4},
     {"relit_psnr_mask", "relit, PSNR in the mask", "dB", 2},
     {"relit_ssim_mask", "relit, SSIM in the mask", "", 4},
+    {"relit_lpips", "relit, LPIPS", "", 4},
     {"relit_unscaled_psnr_mask", "relit without albedo scale, PSNR", "dB", 2},
     {"relit_unscaled_ssim_mask", "relit without albedo scale, SSIM", "", 4},
     {"mask_iou", "mask, intersection over union", "", 4},
@@ -54,6 +57,12 @@ std::string numberText(const Json& mean, const TableRow& row) {
     // JSON has no infinity: two pictures that are the same.
     if (!found->is_number()) return "inf";
     return fmt::format("{:.{}f}", found->get<double>(), row.decimals);
+}
+
+/// "radiance, LPIPS (vgg)": a figure without its network says nothing.
+std::string labelText(const TableRow& row, const Json& report) {
+    const bool lpips = std::string_view(row.key).ends_with("_lpips") && report.at("lpips").is_object();
+    return lpips ? fmt::format("{} ({})", row.label, report.at("lpips").value("network", "")) : row.label;
 }
 
 std::string joined(const Json& list) {
@@ -89,7 +98,7 @@ std::string evaluationTable(const Json& report) {
         const bool any = std::any_of(columns.begin(), columns.end(),
                                      [&](const auto& column) { return column.second->contains(row.key); });
         if (!any) continue;
-        text += fmt::format("{:<34} {:<3}", row.label, row.unit);
+        text += fmt::format("{:<34} {:<3}", labelText(row, report), row.unit);
         for (const auto& [name, mean] : columns) text += fmt::format(" {:>14}", numberText(*mean, row));
         text += "\n";
     }
@@ -100,7 +109,11 @@ std::string evaluationTable(const Json& report) {
         text += fmt::format("light: correlation of the irradiance   {:.4f}\n",
                             report.at("light_irradiance_correlation").get<double>());
     }
-    text += "LPIPS, FID                             not computed\n";
+    if (report.at("lpips").is_object()) {
+        text += fmt::format("LPIPS with the weights                 {}, {}\n", report.at("lpips").value("backbone", ""),
+                            report.at("lpips").value("heads", ""));
+    }
+    text += fmt::format("{:<38} not computed\n", report.at("lpips").is_object() ? "FID" : "LPIPS, FID");
     return text;
 }
 

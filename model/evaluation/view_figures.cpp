@@ -2,6 +2,10 @@
 
 #include "engine/io/jpeg.h"
 #include "engine/metrics/image_metrics.h"
+#include "model/run/run_failure.h"
+
+#include <ATen/ATen.h>
+#include <ATen/core/grad_mode.h>
 
 #include <algorithm>
 #include <cmath>
@@ -41,6 +45,14 @@ Result<Image> throughJpeg(const Image& picture) {
     ARS_TRY(const auto bytes, encodeJpeg(picture, 95));
     ARS_TRY(JpegFile file, parseJpeg(bytes));
     return std::move(file.image);
+}
+
+/// Same pictures, same numbers: LPIPS of floats, as its authors compute it of pictures in [-1, 1].
+Result<double> lpipsOf(const PerceptualLoss& lpips, const Image& picture, const Image& target) {
+    return withoutExceptions<Result<double>>("LPIPS", [&]() -> Result<double> {
+        const at::NoGradGuard off;
+        return lpips.evaluate(tensorOf(viewOfImage(picture)), tensorOf(viewOfImage(target))).item<double>();
+    });
 }
 
 Status add(Figures& figures, std::string name, const Result<double>& value) {
@@ -97,8 +109,10 @@ Status PictureJudge::judge(const std::string& name, const Image& masked, Image w
         ARS_TRY(white, throughJpeg(white));
     }
     ARS_TRY_STATUS(add(figures, name + "_psnr_full", peakSignalToNoise(viewOfImage(white), viewOfImage(target))));
-    return add(figures, name + "_ssim_full",
-               published ? uniformSsim(white, target) : structuralSimilarity(viewOfImage(white), viewOfImage(target)));
+    ARS_TRY_STATUS(
+        add(figures, name + "_ssim_full",
+            published ? uniformSsim(white, target) : structuralSimilarity(viewOfImage(white), viewOfImage(target))));
+    return lpips ? add(figures, name + "_lpips", lpipsOf(*lpips, white, target)) : Status();
 }
 
 Status judgeGeometry(const RenderedView& ours, const TrueBuffers& truth, const Photograph& photograph,

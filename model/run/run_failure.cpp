@@ -10,6 +10,7 @@
 #include <new>
 #include <optional>
 #include <string>
+#include <system_error>
 
 namespace ars {
 namespace {
@@ -52,6 +53,13 @@ Error errorOfException(std::string_view doing) {
         return failure.error();
     } catch (const std::bad_alloc&) {
         return outOfMemory(doing, "");
+    } catch (const std::system_error& failure) {
+        const bool thread = failure.code() == std::errc::resource_unavailable_try_again;
+        if (thread || failure.code() == std::errc::not_enough_memory) {
+            return makeError(ErrorCode::OutOfMemory, std::string(doing),
+                             thread ? "not enough memory: a thread was refused" : "not enough memory");
+        }
+        return makeError(ErrorCode::Internal, std::string(doing), std::string(firstLine(failure.what())));
     } catch (const c10::Error& failure) {
         const std::string_view text = failure.what_without_backtrace();
         if (saysOutOfMemory(text)) return outOfMemory(doing, text);

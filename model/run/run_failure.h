@@ -7,9 +7,9 @@
 
 namespace ars {
 
-/// The exception under way (call from a catch block) as an Error: OperatorFailure's own, OutOfMemory for std::bad_alloc
-/// and for allocations that LibTorch was refused, with the bytes wanted where they are known, else Internal with the
-/// first line of what it says.
+/// The exception under way (call from a catch block) as an Error: OperatorFailure's own, OutOfMemory for
+/// std::bad_alloc, for threads that the system refused (their stacks are memory) and for allocations that LibTorch was
+/// refused, with the bytes wanted where they are known, else Internal with the first line of what it says.
 Error errorOfException(std::string_view doing);
 
 /// The result of `work`, or of the exception that it threw: nothing is thrown from here.

@@ -3,6 +3,7 @@
 #include "engine/core/buffer.h"
 #include "engine/core/file.h"
 #include "engine/core/log.h"
+#include "model/run/run_failure.h"
 #include "model/run/run_lock.h"
 
 #include <fmt/format.h>
@@ -295,7 +296,9 @@ Status RunWriter::saveCheckpoint(std::int64_t step, const CheckpointPolicy& poli
     }
     fs::remove_all(place, ignored); // incomplete: not one of ours, or it would have been listed
     const fs::path temporary = place.string() + std::string(kPartialEnding);
-    Status saved = writeCheckpointFolder(step, policy, temporary, write);
+    // An exception, too, must not leave it half written.
+    Status saved =
+        withoutExceptions<Status>("saving", [&] { return writeCheckpointFolder(step, policy, temporary, write); });
     if (!saved) {
         fs::remove_all(temporary, ignored);
         Error error = std::move(saved).error();

@@ -1,6 +1,7 @@
 #include "model/run/status_keeper.h"
 
 #include "engine/core/log.h"
+#include "model/run/run_failure.h"
 
 #include <fmt/format.h>
 
@@ -33,7 +34,9 @@ void StatusKeeper::refresh() {
     std::unique_lock lock(wakeMutex_);
     while (!wake_.wait_for(lock, kRefresh, [this] { return ended_; })) {
         lock.unlock();
-        const Status written = runStateNeedsProcess(status().state) ? write() : Status();
+        // No exception may leave the thread: where memory is short the next second may have some again.
+        const Status written = withoutExceptions<Status>(
+            "status.json", [this] { return runStateNeedsProcess(status().state) ? write() : Status(); });
         // The work itself notices what it cannot write; a full disk that has room again a minute later ends no run.
         if (!written && !told) logWarning("{}", written.error().describe());
         told = !written;

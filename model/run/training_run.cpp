@@ -86,7 +86,7 @@ std::optional<RunRequest> Run::nextRequest() {
 }
 
 Result<RunStatus> Run::work(bool resume) {
-    Status worked = whole(resume);
+    Status worked = withoutExceptions<Status>("training", [&] { return whole(resume); });
     if (worked) return keeper_.status();
     Error error = std::move(worked).error();
     const std::string text = error.describe();
@@ -105,7 +105,8 @@ Status Run::whole(bool resume) {
     ARS_TRY_STATUS(go(RunState::Loading));
     ARS_TRY(Flow flow, load(resume));
     if (flow == Flow::Ended) return {};
-    auto worked = steps();
+    // What throws here is no step of the task, but the run's own words that no memory was left for.
+    auto worked = withoutExceptions<Result<Flow>>("training", [&] { return steps(); });
     if (!worked) {
         // Saving names it by itself; every other failure leaves it just as intact.
         Error error = std::move(worked).error();
@@ -157,7 +158,9 @@ Status Run::restoreNewest() {
         if (!restored) {
             const Error& error = restored.error();
             // Another checkpoint needs the same memory, and this one is not to blame.
-            if (error.code == ErrorCode::OutOfMemory || error.code == ErrorCode::Cancelled) return error;
+            for (const ErrorCode code : {ErrorCode::OutOfMemory, ErrorCode::Cancelled, ErrorCode::Unavailable}) {
+                if (error.code == code) return error;
+            }
             logWarning("{}: does not restore, passed over: {}", entry->folder.string(), error.describe());
             if (newestFailure.empty()) newestFailure = error.describe();
             broken.push_back(entry->step);
@@ -331,8 +334,10 @@ void Run::preview() {
 
 Result<RunStatus> runTraining(RunWriter& writer, TrainingTask& task, const RunOptions& options, bool resume,
                               const RunSignals& signals, const RunListener& listener) {
-    Run run(writer, task, options, signals, listener);
-    return run.work(resume);
+    return withoutExceptions<Result<RunStatus>>("training", [&] {
+        Run run(writer, task, options, signals, listener);
+        return run.work(resume);
+    });
 }
 
 } // namespace ars

@@ -210,8 +210,9 @@ Result<std::unique_ptr<DataReader>> DataReader::start(std::shared_ptr<const Capt
     try {
         state.thread = std::thread([&state, firstStep] { state.run(firstStep); });
     } catch (const std::exception& error) {
-        return makeError(ErrorCode::Unavailable, "data reader",
-                         fmt::format("no thread can be started: {}", error.what()));
+        // Its stack is memory; nothing else makes a system refuse one thread.
+        return makeError(ErrorCode::OutOfMemory, "data reader",
+                         fmt::format("not enough memory: no thread can be started: {}", error.what()));
     }
     return reader;
 }

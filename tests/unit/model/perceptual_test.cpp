@@ -5,6 +5,7 @@
 #include "model/loss/perceptual_patch.h"
 #include "model/loss/torch_file.h"
 #include "tests/support/test_data.h"
+#include "tests/unit/model/lpips_fixture.h"
 
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
@@ -17,66 +18,22 @@
 namespace ars {
 namespace {
 
-/// Numbers in [-1, 1) as make_lpips_fixtures.py draws them.
-std::vector<float> uniform(std::size_t count, std::uint64_t seed) {
-    std::vector<float> numbers(count);
-    for (std::size_t i = 0; i < count; ++i) {
-        std::uint64_t z = (seed << 32) + i + 0x9E3779B97F4A7C15ull;
-        z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ull;
-        z = (z ^ (z >> 27)) * 0x94D049BB133111EBull;
-        z ^= z >> 31;
-        numbers[i] = static_cast<float>(static_cast<double>(z >> 40) / double(1 << 23) - 1.0);
-    }
-    return numbers;
-}
+using test::kAlex;
+using test::kVgg;
 
 at::Tensor picture(std::int64_t height, std::int64_t width, std::uint64_t seed) {
-    const auto values = uniform(static_cast<std::size_t>(height * width * 3), seed);
+    const auto values = test::uniformNumbers(static_cast<std::size_t>(height * width * 3), seed);
     return 0.5 + 0.5 * at::tensor(values).view({height, width, 3});
 }
 
-struct Convolution {
-    const char* name;
-    std::size_t outputs, inputs, side;
-};
-const std::vector<Convolution> kAlex{{"features.0", 64, 3, 11},
-                                     {"features.3", 192, 64, 5},
-                                     {"features.6", 384, 192, 3},
-                                     {"features.8", 256, 384, 3},
-                                     {"features.10", 256, 256, 3}};
-const std::vector<Convolution> kVgg{
-    {"features.0", 64, 3, 3},     {"features.2", 64, 64, 3},    {"features.5", 128, 64, 3},
-    {"features.7", 128, 128, 3},  {"features.10", 256, 128, 3}, {"features.12", 256, 256, 3},
-    {"features.14", 256, 256, 3}, {"features.17", 512, 256, 3}, {"features.19", 512, 512, 3},
-    {"features.21", 512, 512, 3}, {"features.24", 512, 512, 3}, {"features.26", 512, 512, 3},
-    {"features.28", 512, 512, 3}};
-
-SafetensorsFile backbone(const std::vector<Convolution>& convolutions) {
-    const std::vector<float> block = uniform(1 << 16, 7);
-    SafetensorsFile file;
-    for (std::size_t index = 0; index < convolutions.size(); ++index) {
-        const Convolution& c = convolutions[index];
-        const std::size_t fan = c.inputs * c.side * c.side;
-        const auto bound = static_cast<float>(std::sqrt(6.0 / static_cast<double>(fan)));
-        std::vector<float> weight(c.outputs * fan), bias(c.outputs);
-        for (std::size_t i = 0; i < weight.size(); ++i)
-            weight[i] = block[(i * 40503 + index * 977) % block.size()] * bound;
-        for (std::size_t i = 0; i < bias.size(); ++i) bias[i] = 0.05f * block[(i + 31 * index) % block.size()];
-        file.tensors[std::string(c.name) + ".weight"] =
-            Array::fromFloats({c.outputs, c.inputs, c.side, c.side}, weight);
-        file.tensors[std::string(c.name) + ".bias"] = Array::fromFloats({c.outputs}, bias);
-    }
-    return file;
-}
-
 /// Against the package `lpips` on the same random backbone: value, and gradient by the first picture.
-void expectParity(const std::string& net, const std::vector<Convolution>& convolutions) {
+void expectParity(const std::string& net, const std::vector<test::Convolution>& convolutions) {
     ARS_TEST_DATA_FILE(heads, "lpips/" + net + ".pth");
     const auto text = readTextFile(test::sourceFolder() / "tests/unit/model/fixtures/lpips.json");
     ASSERT_TRUE(text.ok());
     const auto expected = nlohmann::json::parse(*text).at(net);
     const test::TemporaryFolder folder;
-    ASSERT_TRUE(writeSafetensors(folder / "backbone.safetensors", backbone(convolutions)).ok());
+    ASSERT_TRUE(writeSafetensors(folder / "backbone.safetensors", test::lpipsBackbone(convolutions)).ok());
     const auto loss = readLpips(folder / "backbone.safetensors", heads);
     ASSERT_TRUE(loss.ok()) << loss.error().describe();
     EXPECT_EQ((*loss)->name(), "lpips_" + net);
@@ -100,7 +57,7 @@ TEST(Lpips, Vgg16EqualsThePackage) { expectParity("vgg", kVgg); }
 TEST(Lpips, NamesTheTensorThatIsMissingOrWrong) {
     ARS_TEST_DATA_FILE(heads, "lpips/alex.pth");
     const test::TemporaryFolder folder;
-    SafetensorsFile file = backbone(kAlex);
+    SafetensorsFile file = test::lpipsBackbone(kAlex);
     file.tensors.erase("features.6.bias");
     ASSERT_TRUE(writeSafetensors(folder / "a.safetensors", file).ok());
     const auto missing = readLpips(folder / "a.safetensors", heads);

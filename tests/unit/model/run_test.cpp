@@ -1,4 +1,5 @@
 #include "engine/core/log.h"
+#include "model/run/run_failure.h"
 #include "tests/support/test_data.h"
 #include "tests/unit/model/run_fake_task.h"
 
@@ -10,6 +11,7 @@
 #include <fstream>
 #include <limits>
 #include <new>
+#include <system_error>
 
 namespace ars {
 namespace {
@@ -313,6 +315,49 @@ TEST(Run, FailuresAreNamedAndLeaveTheCheckpoint) {
             return {};
         };
     });
+}
+
+TEST(Run, MemoryThatIsRefusedOutsideAStepIsNamedToo) {
+    // In what tells of the run, at a moment when nothing of the task is at work.
+    const test::TemporaryFolder folder;
+    const fs::path run = folder / "run";
+    ChaoticTask task;
+    const auto status = runIn(run, task, quickOptions(), [](const RunStatus& told) {
+        if (told.step == 35 && told.state == RunState::Running) throw std::bad_alloc();
+    });
+    ASSERT_FALSE(status.ok());
+    EXPECT_EQ(status.error().code, ErrorCode::OutOfMemory);
+    EXPECT_EQ(status.error().describe(), "training: not enough memory; the checkpoint of step 30 is intact");
+    EXPECT_EQ(readRunStatus(run)->state, RunState::Failed);
+    EXPECT_EQ(listCheckpoints(run)->back().step, 30);
+    ChaoticTask again;
+    ASSERT_TRUE(runIn(run, again, quickOptions()).ok());
+    EXPECT_EQ(again.stateText(), stateAfter(100));
+
+    // A checkpoint that is half written by then is taken away.
+    const fs::path saved = folder / "saved";
+    const auto writer = RunWriter::create(saved, nlohmann::json::object());
+    ASSERT_TRUE(writer.ok());
+    const Status thrown = (*writer)->saveCheckpoint(1, {}, [](const fs::path& temporary) -> Status {
+        std::ofstream(temporary / "half") << "half";
+        throw std::bad_alloc();
+    });
+    ASSERT_FALSE(thrown.ok());
+    EXPECT_EQ(thrown.error().code, ErrorCode::OutOfMemory);
+    EXPECT_TRUE(fs::is_empty(saved / kRunCheckpointFolder));
+}
+
+TEST(Run, AThreadThatIsRefusedIsMemoryThatIsRefused) {
+    const auto failure = withoutExceptions<Status>("loading", []() -> Status {
+        throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again));
+    });
+    EXPECT_EQ(failure.error().code, ErrorCode::OutOfMemory);
+    EXPECT_EQ(failure.error().describe(), "loading: not enough memory: a thread was refused");
+    const auto other = withoutExceptions<Status>("loading", []() -> Status {
+        throw std::system_error(std::make_error_code(std::errc::permission_denied), "a door");
+    });
+    EXPECT_EQ(other.error().code, ErrorCode::Internal);
+    EXPECT_NE(other.error().message.find("a door"), std::string::npos);
 }
 
 TEST(Run, FailureBeforeTheFirstCheckpointSaysSo) {
