@@ -134,7 +134,7 @@ Status GradientScene::Data::splat(const Device& device, Gradients& all) const {
     }
     SplatGradientWorkspace memory;
     SurfelGradients out;
-    ARS_TRY_STATUS(splatBackward(inputs.splat, view, inputs.camera, own, contributors, gradients, memory, out));
+    ARS_TRY_STATUS(splatBackward(inputs.splat, view, inputs.camera, own, &contributors, gradients, memory, out));
     put(all, "means", out.means);
     put(all, "rotations", out.rotations);
     put(all, "scales", out.scales);
