@@ -6,10 +6,12 @@ transformed there and back at each level, weights are modulated one output at a 
 that it writes lie beside it, and tests/unit/model/network_parity_test.cpp reads them:
 
     python3 reference_network.py            # needs torch, numpy, safetensors
+    python3 reference_network.py --time     # how long eager PyTorch takes for the networks of preset compact
 """
+import argparse
 import math
 import pathlib
-import sys
+import time
 
 import numpy as np
 import torch
@@ -305,8 +307,119 @@ def avatar_case(folder, rng, prior_encoder, view_encoder, four):
     save_file(file, folder / ("four_networks.safetensors" if four else "two_networks.safetensors"))
 
 
+# ---------------------------------------------------------------- time
+
+COMPACT = dict(size=128, multiplier=0.5, cap=64, style=512)
+
+
+class TimedNetworks:
+    """Both networks of preset compact with their encoders, random weights, as bench_model evaluates them."""
+
+    def __init__(self):
+        rng = np.random.default_rng(20)
+        self.geometry = Net(dict(COMPACT, inputs=6, outputs=11, priors=True, view=False, copied=0), rng)
+        self.appearance = Net(dict(COMPACT, inputs=6, outputs=7, priors=True, view=True, copied=3), rng)
+        self.encoders = [Encoder(5, rng), Encoder(1, rng)]
+        size = COMPACT["size"]
+        self.inputs = [torch.randn(1, 6, size, size), torch.randn(2, 5, size, size), torch.randn(2, 1, size, size)]
+        self.parts = [self.geometry, self.appearance, *self.encoders]
+
+    def tensors(self):
+        return [tensor for part in self.parts for tensor in part.t.values()]
+
+    def convert(self, change):
+        for part in self.parts:
+            part.t = {name: change(tensor) for name, tensor in part.t.items()}
+        self.inputs = [change(tensor) for tensor in self.inputs]
+
+    def fold(self):
+        """Modulated weights once and for all, as a network that does not train may have them."""
+        for net in (self.geometry, self.appearance):
+            known = {}
+            fresh = net.modulated
+
+            def folded(name, demodulate, known=known, fresh=fresh):
+                if name not in known:
+                    known[name] = fresh(name, demodulate)
+                return known[name]
+
+            net.modulated = folded
+
+    def run(self):
+        maps, priors, view = self.inputs
+        features, seen = self.encoders[0].run(priors), self.encoders[1].run(view)
+        return self.geometry.run(maps, features), self.appearance.run(maps, features, seen)
+
+
+def best_of(repetitions, function):
+    function()
+    seconds = []
+    for _ in range(repetitions):
+        start = time.perf_counter()
+        function()
+        seconds.append(time.perf_counter() - start)
+    return min(seconds)
+
+
+def conv_flop(networks):
+    from torch.utils.flop_counter import FlopCounterMode
+    with FlopCounterMode(display=False) as counter:
+        networks.run()
+    return counter.get_total_flops()
+
+
+def time_networks(repetitions):
+    a = torch.randn(1024, 1024)
+    rate = 2 * 1024 ** 3 / best_of(repetitions, lambda: a @ a)
+    print(f"torch {torch.__version__}, {torch.get_num_threads()} threads, matrix product {rate * 1e-9:.0f} GFLOP/s")
+
+    def row(name, seconds, flop=None):
+        share = f", {flop / seconds * 1e-9:.0f} GFLOP/s, {100 * flop / seconds / rate:.0f} % of it" if flop else ""
+        print(f"{name:44s} {seconds * 1e3:8.1f} ms{share}", flush=True)
+
+    networks = TimedNetworks()
+    with torch.no_grad():
+        flop = conv_flop(networks)
+        print(f"convolutions and products of one evaluation: {flop * 0.5e-9:.2f} GMAC")
+        row("forward", best_of(repetitions, networks.run), flop)
+
+    def step():
+        for tensor in networks.tensors():
+            tensor.grad = None
+        sum(picture.mean() for picture in networks.run()).backward()
+
+    for tensor in networks.tensors():
+        tensor.requires_grad_()
+    row("forward and backward", best_of(repetitions, step), 3 * flop)
+    with torch.no_grad():
+        networks.convert(lambda tensor: tensor.detach())
+        networks.fold()
+        row("folded weights, float", best_of(repetitions, networks.run), flop)
+        last = TimedNetworks()
+        last.convert(lambda t: t.contiguous(memory_format=torch.channels_last) if t.dim() == 4 else t)
+        last.fold()
+        row("folded weights, float, channels last", best_of(repetitions, last.run), flop)
+        torch.set_default_dtype(torch.bfloat16)
+        last = TimedNetworks()
+        last.convert(lambda t: t.bfloat16().contiguous(memory_format=torch.channels_last)
+                     if t.dim() == 4 else t.bfloat16())
+        last.fold()
+        row("folded weights, bfloat16, channels last", best_of(repetitions, last.run), flop)
+
+
 def main():
-    folder = pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else pathlib.Path(__file__).parent
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=pathlib.Path, default=pathlib.Path(__file__).parent)
+    parser.add_argument("--time", action="store_true", help="write nothing; time the networks of preset compact")
+    parser.add_argument("--threads", type=int, help="with --time (default: PyTorch's own choice)")
+    parser.add_argument("--repetitions", type=int, default=6, help="with --time: the best of so many counts")
+    options = parser.parse_args()
+    if options.time:
+        if options.threads:
+            torch.set_num_threads(options.threads)
+        time_networks(options.repetitions)
+        return
+    folder = options.folder
     torch.set_num_threads(1)
     rng = np.random.default_rng(20)
     with torch.no_grad():
