@@ -1,0 +1,104 @@
+"""A training that is refused memory says so, whenever that is; the checkpoint stays, and without the limit it goes on.
+"""
+import resource
+import shutil
+import sys
+import time
+
+import runs
+
+STEPS = 24
+
+
+def address_space(process):
+    """Bytes that the process has mapped now, and the most so far; 0 once it is gone."""
+    try:
+        lines = open(f"/proc/{process.pid}/status").read().splitlines()
+    except OSError:
+        return 0, 0
+    found = {line.split(":")[0]: int(line.split()[1]) * 1024 for line in lines if line.startswith(("VmSize", "VmPeak"))}
+    return found.get("VmSize", 0), found.get("VmPeak", 0)
+
+
+def copy_of(run, folder, name):
+    """Each trial works on a copy, so that one that goes through costs the others nothing."""
+    trial = folder / name
+    shutil.copytree(run, trial)
+    return trial
+
+
+def expect_named(process, trial, step, what):
+    """A training that is out of memory ends by itself, with the reason, with its checkpoint. False where it did not run
+    out of it, but ended as it should."""
+    code, text = runs.ended(process), runs.words_of(process)
+    newest, checkpoint = runs.newest(trial)
+    if code == 0:
+        print(f"{what}: went through", flush=True)
+        assert newest == STEPS
+        return False
+    sentence = runs.failed(code, text)
+    print(f"{what}: {sentence}", flush=True)
+    assert "memory" in sentence, sentence
+    assert newest >= step
+    runs.expect_finite(checkpoint)
+    # Half of a checkpoint is no checkpoint; what stands there is taken away by the next resume at the latest.
+    if runs.status(trial)["state"] == "failed":
+        assert runs.status(trial)["error"] in sentence, (runs.status(trial), sentence)
+    return True
+
+
+def limited_at_start(trial, step, limit, what):
+    """The limit stands before the program starts, as with `ulimit -v`."""
+    bound = lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    return expect_named(runs.start(*runs.train_arguments(trial), preexec_fn=bound), trial, step, what)
+
+
+def limited_at_work(trial, step, state, rows, what):
+    """The limit comes in the middle: from some moment on nothing more is given."""
+    process = runs.start(*runs.train_arguments(trial))
+    runs.wait_for(state, lambda: runs.status(trial).get("process") == process.pid and
+                  (state == "loading" or runs.status(trial)["state"] in (state, "saving")) and
+                  (rows == 0 or len(runs.rows(trial)) >= rows), process)
+    with runs.standing_still(process):
+        size, _ = address_space(process)
+        resource.prlimit(process.pid, resource.RLIMIT_AS, (size * 9 // 10, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    return expect_named(process, trial, step, what)
+
+
+def main():
+    capture = runs.capture()
+    with runs.Folder() as folder:
+        whole, run = folder / "whole", folder / "run"
+        process = runs.start(*runs.train_arguments(whole, capture, runs.SMALL))
+        peak = 0
+        while process.poll() is None:
+            peak = max(peak, address_space(process)[1])
+            time.sleep(0.02)
+        assert runs.ended(process) == 0, runs.words_of(process)
+        print(f"address space of the whole run: {peak / 1e6:.0f} MB at most", flush=True)
+
+        process = runs.start(*runs.train_arguments(run, capture, runs.SMALL))
+        runs.wait_for("a checkpoint", lambda: runs.newest(run)[0] >= 4, process)
+        runs.succeed("train", "--run", run, "--request", "stop")
+        assert runs.ended(process) == 0, runs.words_of(process)
+        step, _ = runs.newest(run)
+        assert step < STEPS - 8, f"stopped at step {step}, expected to be early in the run"
+
+        refused = [trial for share in (30, 55, 70, 80, 90)
+                   if limited_at_start(trial := copy_of(run, folder, f"start{share}"), step, peak * share // 100,
+                                       f"{share} % of it")]
+        assert len(refused) >= 4, f"only {len(refused)} of 5 limits were felt"
+        late = [trial for state, rows in (("loading", 0), ("running", 0), ("running", step + 2))
+                if limited_at_work(trial := copy_of(run, folder, f"{state}{rows}"), step, state, rows,
+                                   f"no more while {state}, {rows} rows")]
+        assert len(late) >= 2, f"only {len(late)} of 3 limits at work were felt"
+
+        for trial in (refused[-1], late[-1]):
+            runs.expect_opens(trial, folder)
+            runs.succeed(*runs.train_arguments(trial))
+            runs.expect_none_broken(trial)
+            runs.expect_same_numbers(trial, whole, STEPS)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
