@@ -4,6 +4,7 @@ else a few steps of preset `tiny` make one of the test data's capture. Draft and
 """
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -193,6 +194,7 @@ def main(pictures):
             studio.key("ctrl+z")
         studio.settle(PATIENCE)
         assert not studio.document()["avatar"]["source"].endswith(avatar.name), "undo left the avatar open"
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 if __name__ == "__main__":
