@@ -74,6 +74,7 @@ protected:
         });
         shared()->studio = std::make_unique<StudioDriver>(1280, 800, shared()->folder.path() / "state");
         StudioDriver& studio = *shared()->studio;
+        studio.studio().setOpen("buffers", false); // while it is seen, pictures that stand have all buffers
         ASSERT_TRUE(studio.window().settle(kPatienceS));
         studio.studio().drop({avatar});
         ASSERT_TRUE(studio.window().settle(kPatienceS));
