@@ -59,7 +59,7 @@ Result<LoadedAvatar> loadAvatar(const std::string& source, int surfels, const st
         return makeError(
             ErrorCode::InvalidArgument, "--avatar",
             fmt::format("expected rest:TEMPLATE (a skinned glb, a mesh or a body), rest:open or the folder "
-                        "of a trained avatar or run, found \"{}\"",
+                        "of a trained avatar, run or checkpoint, found \"{}\"",
                         printable(source)));
     }
     RestAvatarOptions options;

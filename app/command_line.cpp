@@ -194,7 +194,8 @@ void addRender(CLI::App& app, Arguments& arguments) {
     CLI::App& command = *app.add_subcommand("render", "Render pictures, EXR buffers and films of an avatar");
     command
         .add_option("--avatar", options.avatar,
-                    "rest:TEMPLATE (a skinned glb, a mesh, a body) or rest:open; a project counts as --project")
+                    "rest:TEMPLATE (a skinned glb, a mesh, a body), rest:open, or the folder of a trained avatar, a "
+                    "training run or one of its checkpoints; a project counts as --project")
         ->type_name("A");
     CLI::Option& project = *command
                                 .add_option("--project", options.project,

@@ -69,6 +69,17 @@ RiggedMesh riggedMesh(const AvatarEvaluator& evaluator) {
     return rig;
 }
 
+/// Asks where to write a file; endings as in FileQuestion.
+void askSave(Studio& studio, const char* title, const char* folderKey, std::vector<std::string> endings,
+             const std::string& suggestedName, std::function<void(const fs::path&)> chosen) {
+    studio.ask({.title = title,
+                .saving = true,
+                .suggestedName = suggestedName,
+                .endings = std::move(endings),
+                .folderKey = folderKey,
+                .chosen = std::move(chosen)});
+}
+
 } // namespace
 
 void Studio::State::open(const fs::path& file) {
@@ -92,23 +103,17 @@ void Studio::State::openAs(const fs::path& file, FileRole role) {
 }
 
 void Studio::State::askOpen() {
-    FileQuestion question;
-    question.title = "Open";
-    question.folderKey = "open";
-    question.chosen = [this](const fs::path& file) { open(file); };
-    studio.ask(std::move(question));
+    studio.ask({.title = "Open", .folderKey = "open", .chosen = [this](const fs::path& file) { open(file); }});
 }
 
 void Studio::State::askOpenAs(FileRole role) {
     const RoleWords& words = wordsOf(role);
-    FileQuestion question;
-    question.title = words.title;
-    question.folderKey = words.key;
-    question.endings = words.endings;
-    question.folder = role == FileRole::Run;
-    // A folder's contents tell an avatar from a run.
-    question.chosen = [this, role](const fs::path& file) { role == FileRole::Run ? open(file) : openAs(file, role); };
-    studio.ask(std::move(question));
+    const bool folder = role == FileRole::Run; // its contents tell an avatar from a run
+    studio.ask({.title = words.title,
+                .endings = words.endings,
+                .folderKey = words.key,
+                .chosen = [this, role, folder](const fs::path& file) { folder ? open(file) : openAs(file, role); },
+                .folder = folder});
 }
 
 void Studio::State::save(std::function<void()> then) {
@@ -121,17 +126,12 @@ void Studio::State::save(std::function<void()> then) {
 }
 
 void Studio::State::saveAs(std::function<void()> then) {
-    FileQuestion question;
-    question.title = "Save project";
-    question.saving = true;
-    question.folderKey = "project";
-    question.endings = {".ars"};
-    question.suggestedName = session.projectPath().empty() ? "untitled.ars" : session.projectPath().filename().string();
-    question.chosen = [this, then = std::move(then)](const fs::path& file) {
-        session.save(file);
-        waitForSave(then);
-    };
-    studio.ask(std::move(question));
+    askSave(studio, "Save project", "project", {".ars"},
+            session.projectPath().empty() ? "untitled.ars" : session.projectPath().filename().string(),
+            [this, then = std::move(then)](const fs::path& file) {
+                session.save(file);
+                waitForSave(then);
+            });
 }
 
 void Studio::State::waitForSave(std::function<void()> then) { afterSave = std::move(then); }
@@ -149,13 +149,7 @@ void Studio::State::checkSaved() {
 }
 
 void Studio::State::exportPose() {
-    FileQuestion question;
-    question.title = "Export pose";
-    question.saving = true;
-    question.folderKey = "export";
-    question.endings = {".npz"};
-    question.suggestedName = "pose.npz";
-    question.chosen = [this](const fs::path& file) {
+    askSave(studio, "Export pose", "export", {".npz"}, "pose.npz", [this](const fs::path& file) {
         const Document document = session.document();
         Motion motion;
         motion.name = "pose";
@@ -164,40 +158,28 @@ void Studio::State::exportPose() {
         motion.frames.push_back(poseAt(document, session.assets(), session.timeS()));
         session.start("Exporting " + file.filename().string(),
                       [motion, file](const ProgressFunction&) { return writeSmplParams(file, motion); });
-    };
-    studio.ask(std::move(question));
+    });
 }
 
 void Studio::State::exportClip(const std::string& ending) {
-    FileQuestion question;
-    question.title = ending == ".bvh" ? "Export motion as BVH" : "Export motion";
-    question.saving = true;
-    question.folderKey = "export";
-    question.endings = {ending};
-    question.suggestedName = "motion" + ending;
-    question.chosen = [this, ending](const fs::path& file) {
-        const auto document = std::make_shared<const Document>(session.document());
-        const SceneAssets assets = session.assets();
-        session.start("Exporting " + file.filename().string(),
-                      [document, assets, file, ending](const ProgressFunction& progress) -> Status {
-                          const Motion motion = timelineMotion(*document, assets, progress);
-                          ARS_TRY_STATUS(reportProgress(progress, 0.95, "writing the motion"));
-                          if (ending != ".bvh") return writeSmplParams(file, motion);
-                          if (!assets.avatar) return makeError(ErrorCode::NotFound, "export", "no avatar is open");
-                          return writeMotionBvh(file, motion, assets.avatar->evaluator->rig().skeleton);
-                      });
-    };
-    studio.ask(std::move(question));
+    askSave(studio, ending == ".bvh" ? "Export motion as BVH" : "Export motion", "export", {ending}, "motion" + ending,
+            [this, ending](const fs::path& file) {
+                const auto document = std::make_shared<const Document>(session.document());
+                const SceneAssets assets = session.assets();
+                session.start("Exporting " + file.filename().string(),
+                              [document, assets, file, ending](const ProgressFunction& progress) -> Status {
+                                  const Motion motion = timelineMotion(*document, assets, progress);
+                                  ARS_TRY_STATUS(reportProgress(progress, 0.95, "writing the motion"));
+                                  if (ending != ".bvh") return writeSmplParams(file, motion);
+                                  if (!assets.avatar)
+                                      return makeError(ErrorCode::NotFound, "export", "no avatar is open");
+                                  return writeMotionBvh(file, motion, assets.avatar->evaluator->rig().skeleton);
+                              });
+            });
 }
 
 void Studio::State::exportGltf() {
-    FileQuestion question;
-    question.title = "Export posed avatar";
-    question.saving = true;
-    question.folderKey = "export";
-    question.endings = {".glb"};
-    question.suggestedName = "avatar.glb";
-    question.chosen = [this](const fs::path& file) {
+    askSave(studio, "Export posed avatar", "export", {".glb"}, "avatar.glb", [this](const fs::path& file) {
         const std::shared_ptr<const AvatarAsset> avatar = session.assets().avatar;
         if (!avatar) {
             studio.showError("Nothing to export", "No avatar is open yet.");
@@ -207,18 +189,11 @@ void Studio::State::exportGltf() {
         session.start("Exporting " + file.filename().string(), [avatar, pose, file](const ProgressFunction&) {
             return exportPosed(file, riggedMesh(*avatar->evaluator), pose);
         });
-    };
-    studio.ask(std::move(question));
+    });
 }
 
 void Studio::State::screenshot() {
-    FileQuestion question;
-    question.title = "Save screenshot";
-    question.saving = true;
-    question.folderKey = "picture_out";
-    question.endings = {".png", ".exr"};
-    question.suggestedName = "screenshot.png";
-    question.chosen = [this](const fs::path& file) {
+    askSave(studio, "Save screenshot", "picture_out", {".png", ".exr"}, "screenshot.png", [this](const fs::path& file) {
         ScreenshotOptions options;
         options.file = file;
         if (const std::shared_ptr<const Frame> frame = session.frame();
@@ -227,23 +202,15 @@ void Studio::State::screenshot() {
             options.height = frame->inputs.camera.height;
         }
         session.screenshot(options);
-    };
-    studio.ask(std::move(question));
+    });
 }
 
 void Studio::State::film() {
-    FileQuestion question;
-    question.title = "Save film";
-    question.saving = true;
-    question.folderKey = "picture_out";
-    question.endings = {".mp4"};
-    question.suggestedName = "film.mp4";
-    question.chosen = [this](const fs::path& file) {
+    askSave(studio, "Save film", "picture_out", {".mp4"}, "film.mp4", [this](const fs::path& file) {
         VideoOptions options;
         options.file = file;
         session.video(options);
-    };
-    studio.ask(std::move(question));
+    });
 }
 
 } // namespace ars::ui

@@ -1,11 +1,31 @@
 #include "engine/capture/layout.h"
 
 #include <algorithm>
+#include <array>
+#include <string_view>
 #include <system_error>
 
 namespace ars {
 namespace fs = std::filesystem;
 namespace {
+
+/// A layout that is nothing but names: one JSON calibration, and for every camera a folder of pictures and one of
+/// masks, both with files %08d. "*" is the camera's name.
+struct NamedLayout {
+    CaptureKind kind;
+    const char* calibration;
+    std::string_view pictures;
+    std::string_view masks;
+};
+constexpr std::array<NamedLayout, 2> kNamedLayouts{{
+    {CaptureKind::AvatarRex, "calibration_full.json", "*", "*/mask/pha"}, // avatar reference 5.1
+    {CaptureKind::THuman4, "calibration.json", "images/*", "masks/*"},    // avatar reference 5.2
+}};
+
+fs::path withCamera(std::string_view pattern, const std::string& camera) {
+    std::string path(pattern);
+    return path.replace(path.find('*'), 1, camera);
+}
 
 bool isThere(const fs::path& path) {
     std::error_code ignored;
@@ -45,17 +65,37 @@ Status checkFolder(const fs::path& folder) {
     return {};
 }
 
+/// The layout whose calibration lies in a folder; null where none does.
+const NamedLayout* namedLayoutOf(const fs::path& folder) {
+    for (const NamedLayout& layout : kNamedLayouts) {
+        if (isThere(folder / layout.calibration)) return &layout;
+    }
+    return nullptr;
+}
+
+Result<CaptureLayout> readNamedLayout(const NamedLayout& names, const fs::path& folder, const ReadLimits& limits) {
+    CaptureLayout layout;
+    layout.kind = names.kind;
+    layout.calibration = folder / names.calibration;
+    layout.poses = folder / "smpl_params.npz";
+    layout.missingList = folder / "missing_img_files.txt";
+    ARS_TRY(layout.cameras, readCalibration(layout.calibration, limits));
+    for (const CalibratedCamera& camera : layout.cameras) {
+        CameraFiles files;
+        files.pictures.folder = folder / withCamera(names.pictures, camera.name);
+        files.masks.folder = folder / withCamera(names.masks, camera.name);
+        layout.files.push_back(std::move(files));
+    }
+    return layout;
+}
+
 } // namespace
 
-bool looksLikeCapture(const fs::path& folder) {
-    return isThere(folder / "calibration_full.json") || isThere(folder / "calibration.json") ||
-           !findActorsHqScale(folder).empty();
-}
+bool looksLikeCapture(const fs::path& folder) { return namedLayoutOf(folder) || !findActorsHqScale(folder).empty(); }
 
 Result<CaptureLayout> readCaptureLayout(const fs::path& folder, const ReadLimits& limits) {
     ARS_TRY_STATUS(checkFolder(folder));
-    if (isThere(folder / "calibration_full.json")) return readAvatarRexLayout(folder, limits);
-    if (isThere(folder / "calibration.json")) return readTHuman4Layout(folder, limits);
+    if (const NamedLayout* named = namedLayoutOf(folder)) return readNamedLayout(*named, folder, limits);
     if (!findActorsHqScale(folder).empty()) return readActorsHqLayout(folder, limits);
     std::string message = "has no calibration: expected calibration_full.json (AvatarReX), calibration.json (THuman4) "
                           "or calibration.csv (ActorsHQ)";

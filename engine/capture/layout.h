@@ -28,10 +28,6 @@ Result<CaptureLayout> readCaptureLayout(const std::filesystem::path& folder, con
 /// Whether a folder has the calibration of a layout; nothing is read.
 bool looksLikeCapture(const std::filesystem::path& folder);
 
-/// CAMERA/%08d.jpg, CAMERA/mask/pha/%08d.jpg, calibration_full.json (avatar reference 5.1).
-Result<CaptureLayout> readAvatarRexLayout(const std::filesystem::path& folder, const ReadLimits& limits);
-/// images/CAMERA/%08d.jpg, masks/CAMERA/%08d.jpg, calibration.json (avatar reference 5.2).
-Result<CaptureLayout> readTHuman4Layout(const std::filesystem::path& folder, const ReadLimits& limits);
 /// rgbs/CAMERA/CAMERA_rgb%06d.jpg, masks/CAMERA/CAMERA_mask%06d.png, calibration.csv (avatar reference 5.3). `folder`
 /// may be the one of a scale ("4x"), of a sequence or of an actor; of several scales the smallest pictures are taken.
 Result<CaptureLayout> readActorsHqLayout(const std::filesystem::path& folder, const ReadLimits& limits);

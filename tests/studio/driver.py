@@ -70,9 +70,9 @@ class Studio:
 
     def __enter__(self):
         try:
-            self.wait(lambda a: a["frame"] is not None, 60, "the first picture")
+            self.wait(lambda a: a["frame"] is not None, 240, "the first picture")
             self.first_picture_s = time.time() - self.begin
-            self.settle(120)
+            self.settle(600)
         except BaseException:
             self.process.kill()
             self.complain()
@@ -105,7 +105,7 @@ class Studio:
                 answer = self.try_ask(["//###Unsaved/Discard"], timeout=1.0)
                 if answer and answer["items"]["//###Unsaved/Discard"]:
                     self.click_at(*self.middle(answer["items"]["//###Unsaved/Discard"]))
-        code = self.process.wait(timeout=20)
+        code = self.process.wait(timeout=120)
         assert code == 0, f"the program ended with {code}"
         self.print_timings(json.loads(self.timings.read_text()))
 
@@ -119,7 +119,7 @@ class Studio:
               f"widgets {longest['widgets_ms']:.0f} ms, drawing {longest['draw_ms']:.0f} ms)", flush=True)
 
     # --- looking
-    def try_ask(self, items=(), document=False, timeout=20.0):
+    def try_ask(self, items=(), document=False, timeout=120.0):
         self.number += 1
         question = {"number": self.number, "items": list(items), "document": document}
         temporary = self.probe / "ask.tmp"
@@ -156,7 +156,7 @@ class Studio:
             time.sleep(0.02)
         raise AssertionError(f"waited {seconds} s for {what}")
 
-    def settle(self, seconds=60):
+    def settle(self, seconds=300):
         time.sleep(0.1)
         return self.wait(lambda a: a["settled"], seconds, "everything to stand still")
 
@@ -274,7 +274,7 @@ class Studio:
         """Brings a panel to the front by its tab."""
         if panel not in self.ask()["windows"]:
             self.palette("Show " + panel)
-        self.wait(lambda a: panel in a["windows"], 5, f"the panel {panel}")
+        self.wait(lambda a: panel in a["windows"], 60, f"the panel {panel}")
 
     def palette(self, text):
         """Finds a command by its words and runs it."""
