@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
-#include <deque>
 #include <exception>
 #include <mutex>
 #include <new>
@@ -127,7 +126,7 @@ struct DataReader::State {
 
     std::mutex mutex; ///< of all that follows
     std::condition_variable changed;
-    std::deque<Result<TrainingSample>> ready;
+    std::vector<Result<TrainingSample>> ready; ///< room for all that are read ahead is made before the thread starts
     bool stopping = false;
     std::thread thread;
 
@@ -193,6 +192,7 @@ Result<std::unique_ptr<DataReader>> DataReader::start(std::shared_ptr<const Capt
     ARS_TRY_STATUS(checkArguments(capture.get(), split, options, firstStep));
     std::unique_ptr<DataReader> reader(new DataReader);
     State& state = *reader->state_;
+    state.ready.reserve(static_cast<std::size_t>(std::max(1, options.prefetch)));
     state.frames = usedFrames(*capture, split);
     if (state.frames.empty()) {
         return makeError(ErrorCode::InvalidArgument, capture->folder.string(),
@@ -222,7 +222,7 @@ Result<TrainingSample> DataReader::next() {
     std::unique_lock lock(state_->mutex);
     state_->changed.wait(lock, [&] { return !state_->ready.empty(); });
     Result<TrainingSample> sample = std::move(state_->ready.front());
-    state_->ready.pop_front();
+    state_->ready.erase(state_->ready.begin());
     lock.unlock();
     state_->changed.notify_all();
     state_->waitedMs = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();

@@ -25,12 +25,14 @@ std::array<float, 3> randomBackground(StepRandom& random) {
     return background;
 }
 
-ChannelSet channelsOf(bool pbr, bool radiance) {
+ChannelSet channelsOf(bool pbr, bool radiance, RadiusTraining radii) {
     ChannelSet channels{Channel::Opacity, Channel::Depth, Channel::Normal};
     if (radiance) channels.add(Channel::Radiance);
     if (!pbr) return channels;
-    return channels.united({Channel::Albedo, Channel::Roughness, Channel::Radius, Channel::RadiusPlus,
-                            Channel::RadiusMinus, Channel::Importance, Channel::Bone});
+    channels = channels.united({Channel::Albedo, Channel::Roughness});
+    if (radii == RadiusTraining::Off) return channels;
+    channels = channels.united({Channel::Radius, Channel::Importance, Channel::Bone});
+    return radii == RadiusTraining::Fixed ? channels : channels.united({Channel::RadiusPlus, Channel::RadiusMinus});
 }
 
 RawAttributes zerosLike(const RawAttributes& raw) {
@@ -150,7 +152,8 @@ Status StepTerms::addPictures(TrainingStage stage, std::int64_t step, const Trai
         View view{photograph, randomBackground(random), {}, share, step};
         view.background = tensorOf(std::span<const float>(view.srgb));
         const GBufferTensors gbuffer =
-            splatTensors(config_.splat, surfels, photograph.camera, channelsOf(pbr, v < colored), scratch_);
+            splatTensors(config_.splat, surfels, photograph.camera, channelsOf(pbr, v < colored, config_.freeze.radii),
+                         scratch_);
         clock.mark("splat");
         addGeometry(gbuffer, view, terms);
         if (v < colored) {

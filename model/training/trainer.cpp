@@ -7,6 +7,7 @@
 #include "engine/maps/pose_pca.h"
 #include "engine/maps/position_maps.h"
 #include "model/avatar/avatar_model.h"
+#include "model/run/run_failure.h"
 #include "model/runtime.h"
 #include "model/training/data_reader.h"
 #include "model/training/learned_state.h"
@@ -14,7 +15,6 @@
 #include "model/training/step_terms.h"
 
 #include <ATen/ATen.h>
-#include <c10/util/Exception.h>
 
 #include <nlohmann/json.hpp>
 
@@ -55,17 +55,10 @@ public:
     std::int64_t stepsDone() const override { return done_; }
 
     Result<StepReport> step() override {
-        try {
-            return stepUnguarded();
-        } catch (const OperatorFailure& failure) {
-            return atStep(failure.error());
-        } catch (const c10::Error& error) {
-            const std::string what = error.what_without_backtrace();
-            const bool memory = what.find("alloc") != std::string::npos || what.find("memory") != std::string::npos;
-            return atStep(makeError(memory ? ErrorCode::OutOfMemory : ErrorCode::Internal, "", what));
-        } catch (const std::bad_alloc&) {
-            return atStep(makeError(ErrorCode::OutOfMemory, "", "no memory is left"));
-        }
+        Result<StepReport> report =
+            withoutExceptions<Result<StepReport>>("training", [this] { return stepUnguarded(); });
+        if (!report) return atPlace(std::move(report).error(), fmt::format("step {}", done_));
+        return report;
     }
 
     Status save(const std::filesystem::path& folder) override {
@@ -109,8 +102,6 @@ public:
     }
 
 private:
-    Error atStep(Error error) const { return atPlace(std::move(error), fmt::format("step {}", done_)); }
-
     Result<std::filesystem::path> templatePath() const {
         if (!sources_.templateFile.empty()) return sources_.templateFile;
         for (const char* name : {"template.npz", "template.glb", "template.ply", "template.obj"}) {
@@ -189,13 +180,13 @@ private:
         const Status status = stage_ == TrainingStage::Template
                                   ? terms_->addTemplate(sample, terms, clock)
                                   : terms_->addPictures(stage_, done_, sample, random, terms, clock);
-        if (!status) return atStep(status.error());
+        if (!status) return status.error();
         Result<at::Tensor> total = terms.total(report.values);
-        if (!total) return atStep(total.error());
+        if (!total) return total.error();
         clock.mark("loss");
         total.value().backward();
         clock.mark("backward");
-        if (const Status stepped = adam_.step(); !stepped) return atStep(stepped.error());
+        if (const Status stepped = adam_.step(); !stepped) return stepped.error();
         state_.keepInRange();
         clock.mark("optimiser");
         ++done_;

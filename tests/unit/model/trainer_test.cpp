@@ -148,6 +148,23 @@ TEST_F(TrainerTest, RadianceLossFallsAndFrozenPartsStay) {
     EXPECT_TRUE(appearance);
 }
 
+TEST_F(TrainerTest, RadiiMayStayFixedOrOcclusionBeLeftOut) {
+    for (const RadiusTraining radii : {RadiusTraining::Fixed, RadiusTraining::Off}) {
+        TrainingConfig config = smallConfig();
+        config.schedule.templateSteps = 0;
+        config.schedule.radianceSteps = 1;
+        config.schedule.pbrSteps = 2;
+        config.freeze.radii = radii;
+        const std::unique_ptr<TrainingTask> task = trainer(config);
+        const auto values = run(*task, 3);
+        EXPECT_EQ(task->stepsDone(), 3);
+        EXPECT_GT(values.at("loss.l1"), 0.0);
+        const Result<AvatarModel> model = readAvatar(saved(*task, radii == RadiusTraining::Fixed ? "fixed" : "off"));
+        ASSERT_TRUE(model.ok()) << model.error().describe();
+        EXPECT_EQ(model->spec.radiusOffsets, PartRadii{});
+    }
+}
+
 TEST_F(TrainerTest, NumbersThatAreNoneAreNamedWithTheirStep) {
     TrainingConfig config = smallConfig();
     config.schedule.templateSteps = 0;
