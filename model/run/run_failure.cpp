@@ -31,7 +31,10 @@ std::optional<std::string> wantedMemory(std::string_view text) {
 }
 
 bool saysOutOfMemory(std::string_view text) {
-    for (const std::string_view sign : {"not enough memory", "can't allocate memory", "out of memory"}) {
+    // oneDNN, which convolves, says of refused memory only that it could not make the thing that needs it; our shapes
+    // give it no other reason.
+    for (const std::string_view sign : {"not enough memory", "can't allocate memory", "out of memory",
+                                        "could not create a primitive", "could not create a memory object"}) {
         if (text.find(sign) != std::string_view::npos) return true;
     }
     return false;

@@ -151,9 +151,8 @@ Status StepTerms::addPictures(TrainingStage stage, std::int64_t step, const Trai
         surfels.colors = v < colored ? decodeColors(model.base, rawColors[v]) : at::Tensor();
         View view{photograph, randomBackground(random), {}, share, step};
         view.background = tensorOf(std::span<const float>(view.srgb));
-        const GBufferTensors gbuffer =
-            splatTensors(config_.splat, surfels, photograph.camera, channelsOf(pbr, v < colored, config_.freeze.radii),
-                         scratch_);
+        const GBufferTensors gbuffer = splatTensors(config_.splat, surfels, photograph.camera,
+                                                    channelsOf(pbr, v < colored, config_.freeze.radii), scratch_);
         clock.mark("splat");
         addGeometry(gbuffer, view, terms);
         if (v < colored) {

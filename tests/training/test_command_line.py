@@ -44,9 +44,10 @@ def change_camera(capture, change):
 
 
 def mask_of_another_size(capture):
+    """A PNG under a JPEG's name: readers go by the content."""
     mask = next((capture / CAMERAS[2] / "mask" / "pha").glob("00000001.*"))
     mask.unlink()
-    mask.with_suffix(".png").write_bytes(grey_png(20, 28))
+    mask.write_bytes(grey_png(20, 28))
 
 
 def frame_after_the_motion(capture):
