@@ -135,11 +135,15 @@ def main(pictures):
         keep("opened")
 
         # A wrist: the document's pose alone; the networks see all of it, so that every buffer may answer.
-        at, watch = studio.joint("left_wrist"), Watch(studio)
-        watch.drag((at[0] + 4, at[1] + 8), (at[0] + 50, at[1] - 110))
+        # Taken a little up the arm: beside the joint lies the thumb.
+        at, elbow, watch = studio.joint("left_wrist"), studio.joint("left_elbow"), Watch(studio)
+        hold = [w + 0.12 * (e - w) for w, e in zip(at, elbow)]
+        watch.drag(hold, (hold[0] + 56, hold[1] - 144))
         watch.until_full("wrist")
         document = studio.document()
         assert document["pose"] != begin["pose"], "the pose did not change"
+        hand = studio.joint("left_wrist")
+        assert hand[1] < at[1] - 60, f"the wrist went from {at} to {hand}, expected it to follow the pointer upwards"
         for section in ("avatar", "light", "occlusion", "camera"):
             assert document[section] == begin[section], f"the wrist changed {section}"
         buffers.expect("wrist", EVERYTHING)
@@ -166,7 +170,11 @@ def main(pictures):
         assert after["radii"]["elbow"] > 1.2 * before["radii"]["elbow"], after["radii"]
         changed = buffers.expect("elbow radius", SHADED | {"ao", "radius"})
         for layer in SHADED | {"ao"}:
-            assert changed[layer] <= changed["radius"], f"{layer} changed where the radius did not"
+            # Files hold half floats: at the rim of what belongs to an elbow the radius changes by less than their step, and
+            # single pixels of others by the last bit of what they round.
+            far = {(c, r) for c, r in changed[layer]
+                   if not any((c + i, r + j) in changed["radius"] for i in range(-4, 5) for j in range(-4, 5))}
+            assert len(far) <= 5, f"{layer} changed in {len(far)} pixels where the radius did not, such as {min(far)}"
         vx, vy, vw, vh = studio.viewport()
         for side in ("left", "right"):
             ex, ey = studio.joint(f"{side}_elbow")
