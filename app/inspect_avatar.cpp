@@ -71,8 +71,14 @@ bool inspectAvatarFolder(FileReport& report, const InspectOptions& options) {
         if (!run) report.fail(source.error());
         return true;
     }
-    if (Status described = addDescription(report, *source, options); !described) {
-        report.fail(described.error());
+    try {
+        if (Status described = addDescription(report, *source, options); !described) {
+            report.fail(described.error());
+            return true;
+        }
+    } catch (const Json::exception&) {
+        report.fail(makeError(ErrorCode::BadFile, (*source / "avatar.json").string(),
+                              "holds values of other kinds than an avatar's description has"));
         return true;
     }
     if (options.fast) return true;

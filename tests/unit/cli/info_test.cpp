@@ -226,6 +226,10 @@ TEST(Info, TellsAvatarsAndRunsFromCaptures) {
     EXPECT_EQ(json["surfels"], 20822);
     EXPECT_NEAR(json["radii"]["hip"].get<double>(), 0.3, 1e-9);
     EXPECT_EQ(json["light"], false);
+    fs::create_directories(folder / "b.avatar");
+    writeText(folder / "b.avatar" / "avatar.json", R"({"format": "ars.avatar", "maps": {"size": "large"}})");
+    const auto odd = infoJson(folder / "b.avatar", 1);
+    EXPECT_NE(odd["error"].dump().find("other kinds"), std::string::npos) << odd;
     // Its weights are not there: opened, it is not sound.
     const auto opened = infoJson(folder / "a.avatar", 1);
     EXPECT_EQ(opened["kind"], "avatar");
