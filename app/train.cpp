@@ -204,12 +204,12 @@ Status checkUsage(const TrainOptions& options) {
 
 Result<RunStatus> train(const TrainOptions& options) {
     ARS_TRY_STATUS(checkUsage(options));
-    ARS_TRY(ModelPlugin* const model, loadModel());
-    ARS_TRY(const TrainRequest request, trainRequest(options, *model));
     sayOnFault(fmt::format(
         "\nerror: {}: the program broke off by a fault of its own or of LibTorch; where memory is limited it "
         "was most likely refused some; the newest checkpoint is intact, --resume goes on from it\n",
         options.run));
+    ARS_TRY(ModelPlugin* const model, loadModel());
+    ARS_TRY(const TrainRequest request, trainRequest(options, *model));
     const InterruptWatch watch;
     TrainProgress progress(options.run, options.output);
     auto status = model->train(request, watch.stop(), [&](const RunStatus& told) { progress.show(told); });
