@@ -35,13 +35,22 @@ build() {
         { echo "error: the build of build/$1 failed" >&2; exit 1; }
 }
 
-# tests PRESET: runs CTest there; the whole output stays in build/PRESET/tests.log.
+# tests PRESET: runs CTest there; the whole output stays in build/PRESET/tests.log, and the end of what a failed test said is shown.
 tests() {
-    local log=$root/build/$1/tests.log
+    local folder=$root/build/$1/Testing/Temporary log=$root/build/$1/tests.log passed=yes names name
     say "tests in build/$1"
-    if ! ctest --test-dir "build/$1" --output-on-failure -V -O "$log" -Q --timeout 1500; then failures+=("tests in build/$1"); fi
-    grep -E '^ *[0-9]+/[0-9]+ Test +#|tests passed|tests failed' "$log" || true
-    sed 's/^[0-9]*: //' "$log" | grep -E '^(\[  FAILED  \]|.*: Failure$)' || true
+    rm -f "$folder/LastTestsFailed.log"
+    ctest --test-dir "build/$1" --timeout 1500 | { grep -vE '^ +Start +[0-9]+:' || true; } || passed=
+    cp "$folder/LastTest.log" "$log"
+    [ -z "$passed" ] || return 0
+    names=$(sed -n 's/^[0-9]*://p' "$folder/LastTestsFailed.log" 2>/dev/null || true)
+    failures+=("tests in build/$1: $(paste -sd ' ' <<<"$names")")
+    for name in $names; do
+        say "what $name said: its failures, then its last lines"
+        sed -n "/^[0-9]*\/[0-9]* Test: $name\$/,/^<end of output>/p" "$log" >"$log.$name"
+        grep -E '^\[  FAILED  \]|: Failure$|^FAILED' "$log.$name" | sort -u | head -n 40 || true
+        tail -n 60 "$log.$name"
+    done
 }
 
 say "formatting"
@@ -55,7 +64,7 @@ if [ -z "$quick" ]; then
     tools/fuzz.sh "$fuzz_seconds" || failures+=(fuzzers)
 fi
 
-logs=$(cat build/"${ARS_PRESET:-release}"/tests.log build/fuzz/tests.log 2>/dev/null | sed 's/^[0-9]*: //' | grep '^NOT RUN:' | sort -u || true)
+logs=$(cat build/"${ARS_PRESET:-release}"/tests.log build/fuzz/tests.log 2>/dev/null | grep '^NOT RUN:' | sort -u || true)
 # Every operator's tests say so on a machine without a GPU; once is enough.
 hostonly=$(grep -c 'on CUDA: no CUDA device$' <<<"$logs" || true)
 logs=$(grep -v 'on CUDA: no CUDA device$' <<<"$logs" || true)
@@ -66,7 +75,7 @@ if [ "$count" -gt 0 ]; then
     echo "$logs"
 fi
 if [ ${#failures[@]} -gt 0 ]; then
-    printf 'error: failed: %s\n' "$(IFS=,; echo "${failures[*]}")" >&2
+    printf 'error: failed: %s\n' "$(IFS=';'; echo "${failures[*]}")" >&2
     exit 1
 fi
 say "all green; $count NOT RUN"
