@@ -2,10 +2,10 @@
 
 #include "app/command.h"
 #include "app/interrupt.h"
+#include "engine/core/standard_exception.h"
 
 #include <algorithm>
 #include <exception>
-#include <new>
 #include <string>
 #include <vector>
 
@@ -19,10 +19,8 @@ int runGuarded(const std::vector<std::string>& arguments) {
     output.json = std::find(arguments.begin(), arguments.end(), "--json") != arguments.end();
     try {
         return app::runCommandLine(arguments);
-    } catch (const std::bad_alloc&) {
-        return app::reportError(makeError(ErrorCode::OutOfMemory, "", "not enough memory"), output);
     } catch (const std::exception& error) {
-        return app::reportError(makeError(ErrorCode::Internal, "", error.what()), output);
+        return app::reportError(errorOfStandardException(error, ""), output);
     }
 }
 

@@ -204,11 +204,8 @@ Status checkUsage(const TrainOptions& options) {
 
 Result<RunStatus> train(const TrainOptions& options) {
     ARS_TRY_STATUS(checkUsage(options));
-    sayOnFault(fmt::format(
-        "\nerror: {}: the program broke off by a fault of its own or of LibTorch; where memory is limited it "
-        "was most likely refused some; the newest checkpoint is intact, --resume goes on from it\n",
-        options.run));
     ARS_TRY(ModelPlugin* const model, loadModel());
+    FaultSentence::coverLoadedLibraries();
     ARS_TRY(const TrainRequest request, trainRequest(options, *model));
     const InterruptWatch watch;
     TrainProgress progress(options.run, options.output);
@@ -243,6 +240,10 @@ int runTrain(const TrainOptions& options) {
                                                    : sendRequest(options);
         return done ? kSuccess : reportError(done.error(), options.output);
     }
+    const FaultSentence onFault(fmt::format(
+        "\nerror: {}: the program broke off by a fault of its own or of LibTorch; where memory is limited it "
+        "was most likely refused some; the newest checkpoint is intact, --resume goes on from it\n",
+        options.run));
     const auto status = train(options);
     if (!status) return reportTrainError(status.error(), options.output);
     describeEnd(options, *status);

@@ -141,18 +141,13 @@ public:
             if (listener) listener(status);
         };
         // A stop is heard within a tenth of a second also while a step is long.
-        std::atomic<bool> ended{false};
-        std::thread watch([&] {
-            while (!ended && !signals.stop) {
+        const std::jthread watch([&](const std::stop_token& ended) {
+            while (!ended.stop_requested() && !signals.stop) {
                 if (stop) signals.stop = true;
                 std::this_thread::sleep_for(std::chrono::milliseconds(50));
             }
         });
-        Result<RunStatus> status =
-            runTraining(*run.writer, *task, runOptions(run.config), request.resume, signals, told);
-        ended = true;
-        watch.join();
-        return status;
+        return runTraining(*run.writer, *task, runOptions(run.config), request.resume, signals, told);
     }
 
     Result<nlohmann::ordered_json> evaluate(const EvalRequest& request, const ProgressFunction& progress) override {

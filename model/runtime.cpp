@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <system_error>
 
 namespace ars {
 namespace {
@@ -26,6 +27,9 @@ double bestSeconds(int repetitions, Function&& function) {
 
 TorchInfo initializeTorch() {
     static const bool once = [] {
+        if (!threadsAvailable(threadCount() - 1)) {
+            throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again));
+        }
         at::set_num_threads(threadCount());
         // Autograd and JIT may start tasks of their own; one thread is enough and keeps within the budget.
         at::set_num_interop_threads(1);

@@ -17,7 +17,8 @@ struct TorchInfo {
 };
 
 /// Sets LibTorch up once: its operators use threadCount() threads of the pool that parallelFor uses (both run on the
-/// same OpenMP), its second pool stays at one. Later calls only report.
+/// same OpenMP), its second pool stays at one. Later calls only report. Throws std::system_error when the system
+/// refuses these threads: LibTorch would wait for them for ever.
 TorchInfo initializeTorch();
 
 /// Speed of the two operators that everything in model/ stands on, in GFLOP/s, best of `repetitions`.

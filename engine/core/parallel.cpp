@@ -5,9 +5,12 @@
 
 #include <algorithm>
 #include <atomic>
+#include <condition_variable>
 #include <cstdlib>
 #include <exception>
 #include <mutex>
+#include <thread>
+#include <vector>
 
 namespace ars {
 namespace {
@@ -35,6 +38,8 @@ std::atomic<int>& budget() {
 std::mutex leaseMutex;
 int leased = 0;
 thread_local int leaseDepth = 0;
+// Threads of the team that OpenMP keeps for this thread, itself included.
+thread_local int team = 1;
 
 } // namespace
 
@@ -63,6 +68,31 @@ ThreadLease::~ThreadLease() {
     leased -= count_;
 }
 
+bool threadsAvailable(int count) {
+    std::vector<std::thread> started;
+    std::mutex mutex;
+    std::condition_variable over;
+    bool asked = false;
+    try {
+        started.reserve(static_cast<std::size_t>(std::max(count, 0)));
+        while (static_cast<int>(started.size()) < count) {
+            started.emplace_back([&] {
+                std::unique_lock lock(mutex);
+                over.wait(lock, [&] { return asked; });
+            });
+        }
+    } catch (const std::exception&) { // system_error for a thread, bad_alloc for what it is to do
+        count = -1;
+    }
+    {
+        const std::lock_guard lock(mutex);
+        asked = true;
+    }
+    over.notify_all();
+    for (std::thread& thread : started) thread.join();
+    return count >= 0;
+}
+
 namespace detail {
 
 void runRanges(std::size_t count, std::size_t grain, void* context, RangeFunction function) {
@@ -78,10 +108,11 @@ void runRanges(std::size_t count, std::size_t grain, void* context, RangeFunctio
         return;
     }
     const ThreadLease lease(static_cast<int>(std::min<std::size_t>(pieces, 1024)));
-    if (lease.count() == 1) {
+    if (lease.count() == 1 || (lease.count() > team && !threadsAvailable(lease.count() - team))) {
         for (std::size_t p = 0; p < pieces; ++p) function(context, p * piece, std::min(count, (p + 1) * piece));
         return;
     }
+    team = lease.count(); // a smaller team lets go of the others
     std::exception_ptr failure;
     std::atomic<bool> failed{false};
     std::mutex failureMutex;

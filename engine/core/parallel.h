@@ -27,6 +27,11 @@ private:
     bool nested_;
 };
 
+/// Whether the system gives `count` more threads now: starts them, all alive at once, and ends them. To be asked before
+/// a runtime makes threads for good: refused one, OpenMP's ends the program and LibTorch's waits for it for ever. The
+/// stacks of those that were started stay with the process, for the threads that it makes next.
+bool threadsAvailable(int count);
+
 /// Threads now out of the budget, for tests and the memory/time panel.
 int threadsInUse();
 
@@ -36,8 +41,9 @@ void runRanges(std::size_t count, std::size_t grain, void* context, RangeFunctio
 } // namespace detail
 
 /// Calls body(begin, end) over [0, count) in pieces of at least `grain`, on the threads that are free. Returns when all
-/// is done; the first exception of a piece is rethrown here after the others have ended. Inside another parallel loop
-/// it runs on the calling thread. Piece borders do not depend on the number of threads.
+/// is done; the first exception of a piece is rethrown here after the others have ended. Inside another parallel loop,
+/// and where the system refuses threads, it runs on the calling thread. Piece borders do not depend on the number of
+/// threads.
 template <typename Body>
 void parallelRanges(std::size_t count, std::size_t grain, Body&& body) {
     auto call = [](void* context, std::size_t begin, std::size_t end) {

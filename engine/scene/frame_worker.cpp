@@ -1,5 +1,6 @@
 #include "engine/scene/frame_worker.h"
 
+#include "engine/core/standard_exception.h"
 #include "engine/scene/frame_renderer.h"
 
 #include <condition_variable>
@@ -116,7 +117,7 @@ void FrameWorker::State::run() {
                                fmt::format("no memory for pictures of {}x{}", request->inputs.camera.width,
                                            request->inputs.camera.height));
         } catch (const std::exception& exception) {
-            result = makeError(ErrorCode::Internal, "frame", exception.what());
+            result = errorOfStandardException(exception, "frame");
         }
         if (draft) {
             drafted = taken;

@@ -1,6 +1,7 @@
 #include "engine/scene/jobs.h"
 
 #include "engine/core/log.h"
+#include "engine/core/standard_exception.h"
 
 #include <fmt/format.h>
 
@@ -35,7 +36,7 @@ Status runWork(const Job& job, const ProgressFunction& progress) {
     } catch (const std::bad_alloc&) {
         return makeError(ErrorCode::OutOfMemory, job.request.title, "the memory of this computer is used up");
     } catch (const std::exception& failure) {
-        return makeError(ErrorCode::Internal, job.request.title, failure.what());
+        return errorOfStandardException(failure, job.request.title);
     }
 }
 

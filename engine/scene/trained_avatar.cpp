@@ -1,5 +1,6 @@
 #include "engine/scene/trained_avatar.h"
 
+#include "engine/core/standard_exception.h"
 #include "engine/scene/run_folder.h"
 
 #include <fmt/format.h>
@@ -37,7 +38,7 @@ Result<OpenedTrainedAvatar> guarded(const TrainedAvatarOpener& opener, const fs:
     } catch (const std::bad_alloc&) {
         return makeError(ErrorCode::OutOfMemory, folder.string(), "not enough memory for the networks");
     } catch (const std::exception& error) {
-        return makeError(ErrorCode::Internal, folder.string(), error.what());
+        return errorOfStandardException(error, folder.string());
     }
 }
 

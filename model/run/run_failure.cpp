@@ -1,16 +1,15 @@
 #include "model/run/run_failure.h"
 
 #include "engine/core/buffer.h"
+#include "engine/core/standard_exception.h"
 #include "model/operators/surfel_operators.h"
 
 #include <c10/util/Exception.h>
 #include <fmt/format.h>
 
 #include <charconv>
-#include <new>
 #include <optional>
 #include <string>
-#include <system_error>
 
 namespace ars {
 namespace {
@@ -54,15 +53,6 @@ Error errorOfException(std::string_view doing) {
         throw;
     } catch (const OperatorFailure& failure) {
         return failure.error();
-    } catch (const std::bad_alloc&) {
-        return outOfMemory(doing, "");
-    } catch (const std::system_error& failure) {
-        const bool thread = failure.code() == std::errc::resource_unavailable_try_again;
-        if (thread || failure.code() == std::errc::not_enough_memory) {
-            return makeError(ErrorCode::OutOfMemory, std::string(doing),
-                             thread ? "not enough memory: a thread was refused" : "not enough memory");
-        }
-        return makeError(ErrorCode::Internal, std::string(doing), std::string(firstLine(failure.what())));
     } catch (const c10::Error& failure) {
         const std::string_view text = failure.what_without_backtrace();
         if (saysOutOfMemory(text)) return outOfMemory(doing, text);
@@ -70,7 +60,9 @@ Error errorOfException(std::string_view doing) {
     } catch (const std::exception& failure) {
         const std::string_view text = failure.what();
         if (saysOutOfMemory(text)) return outOfMemory(doing, text);
-        return makeError(ErrorCode::Internal, std::string(doing), std::string(firstLine(text)));
+        Error error = errorOfStandardException(failure, std::string(doing));
+        error.message = std::string(firstLine(error.message));
+        return error;
     } catch (...) {
         return makeError(ErrorCode::Internal, std::string(doing), "an exception of unknown kind");
     }

@@ -2,6 +2,7 @@
 
 #include "engine/capture/view_cache.h"
 #include "engine/core/parallel.h"
+#include "engine/core/standard_exception.h"
 
 #include <algorithm>
 #include <chrono>
@@ -155,7 +156,7 @@ struct DataReader::State {
                              fmt::format("no memory for the {} views of step {}; try a smaller cache or picture scale",
                                          options.viewsPerStep, step));
         } catch (const std::exception& error) {
-            return makeError(ErrorCode::Internal, "data reader", error.what());
+            return errorOfStandardException(error, "data reader");
         }
     }
 

@@ -2,6 +2,7 @@
 
 #include "engine/capture/capture.h"
 #include "engine/core/file.h"
+#include "engine/core/parallel.h"
 #include "engine/io/png.h"
 #include "engine/io/safetensors.h"
 #include "engine/maps/pose_pca.h"
@@ -31,6 +32,8 @@ public:
 
     Status load(const ProgressFunction& progress) override {
         initializeTorch();
+        // This thread's team is made here, where a refused one costs speed and nothing else; LibTorch goes on with it.
+        parallelFor(static_cast<std::size_t>(threadCount()), [](std::size_t) {}, 1);
         ARS_TRY_STATUS(validateTrainingConfig(config_));
         ARS_TRY_STATUS(reportProgress(progress, 0.0, "reading the capture"));
         ARS_TRY(Capture capture, openCapture(sources_.capture));

@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 
-PATIENCE_S = 1500
+PATIENCE_S = 400
 FLOATS = {"F32": "f", "F64": "d"}
 
 # Two stages of the smallest preset on a quarter of the pictures' size: a step takes a moment, and every part has its
@@ -137,6 +137,16 @@ def failed(code, text, *words):
     for word in words:
         assert word in sentence, f'no "{word}" in: {sentence}'
     return sentence
+
+
+def stopped_early(run, source, sets):
+    """A new run that was stopped in its first steps, at the step returned. By a signal: it is there at once, however
+    many steps of a fast machine go into the start of a program that would ask for it."""
+    process = start(*train_arguments(run, source, sets))
+    wait_for("a checkpoint", lambda: newest(run)[0] >= 4, process)
+    process.send_signal(signal.SIGTERM)
+    assert ended(process) == -signal.SIGTERM, words_of(process)
+    return newest(run)[0]
 
 
 # --- what lies in a run's folder

@@ -48,8 +48,10 @@ def expect_named(process, trial, step, what):
     assert newest >= step
     runs.expect_finite(checkpoint)
     # Half of a checkpoint is no checkpoint; what stands there is taken away by the next resume at the latest.
-    if runs.status(trial)["state"] == "failed":
-        assert runs.status(trial)["error"] in sentence, (runs.status(trial), sentence)
+    told = runs.status(trial)
+    if told["state"] == "failed":
+        # It may have failed with its reason and then broken off before it could say so.
+        assert told["error"] in sentence or "broke off" in sentence and "memory" in told["error"], (told, sentence)
     return True
 
 
@@ -84,17 +86,15 @@ def main():
         assert runs.ended(process) == 0, runs.words_of(process)
         print(f"address space of the whole run: {peak / 1e6:.0f} MB at most", flush=True)
 
-        process = runs.start(*runs.train_arguments(run, capture, runs.SMALL))
-        runs.wait_for("a checkpoint", lambda: runs.newest(run)[0] >= 4, process)
-        runs.succeed("train", "--run", run, "--request", "stop")
-        assert runs.ended(process) == 0, runs.words_of(process)
-        step, _ = runs.newest(run)
+        step = runs.stopped_early(run, capture, runs.SMALL)
         assert step < STEPS - 8, f"stopped at step {step}, expected to be early in the run"
 
-        refused = [trial for share in (30, 45, 55, 65, 72, 80, 90)
+        # In steps of about one thread's stack and a half: whatever is refused first has its turn.
+        shares = range(30, 100, 2)
+        refused = [trial for share in shares
                    if limited_at_start(trial := copy_of(run, folder, f"start{share}"), step, peak * share // 100,
                                        f"{share} % of it")]
-        assert len(refused) >= 4, f"only {len(refused)} of 7 limits were felt"
+        assert len(refused) >= len(shares) // 2, f"only {len(refused)} of {len(shares)} limits were felt"
         late = [trial for state, rows in (("loading", 0), ("running", 0), ("running", step + 2))
                 if limited_at_work(trial := copy_of(run, folder, f"{state}{rows}"), step, state, rows,
                                    f"no more while {state}, {rows} rows")]

@@ -27,11 +27,7 @@ def main():
     capture = runs.capture()
     with runs.Folder() as folder:
         run = folder / "run"
-        process = runs.start(*runs.train_arguments(run, capture, runs.SMALL))
-        runs.wait_for("a checkpoint", lambda: runs.newest(run)[0] >= 4, process)
-        runs.succeed("train", "--run", run, "--request", "stop")
-        assert runs.ended(process) == 0, runs.words_of(process)
-        first, _ = runs.newest(run)
+        first = runs.stopped_early(run, capture, runs.SMALL)
         # Rates that send the networks, then the surfels' own values, where no float follows; also with a checkpoint
         # after every step, so that one is written as late as can be.
         spoil(run, folder, ("schedule.network_rate=1e30", "schedule.network_rate_pbr=1e30", "run.checkpoint_steps=100"))

@@ -2,8 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <atomic>
 #include <chrono>
+#include <cstdlib>
+#include <fstream>
 #include <mutex>
 #include <set>
 #include <stdexcept>
@@ -113,6 +118,33 @@ TEST_F(Parallel, LeaseTakesAndReturns) {
     }
     EXPECT_EQ(threadsInUse(), 0);
 }
+
+TEST_F(Parallel, ThreadsAreThereWhenNothingLimitsThem) {
+    EXPECT_TRUE(threadsAvailable(0));
+    EXPECT_TRUE(threadsAvailable(3));
+}
+
+#ifndef __SANITIZE_ADDRESS__ // which needs address space of its own
+/// Sums 0...9999 on four threads with no room for a fifth stack; the exit code says what happened.
+void sumWithoutRoom() {
+    std::ifstream file("/proc/self/statm");
+    rlim_t pages = 0;
+    file >> pages;
+    const rlim_t bytes = pages * static_cast<rlim_t>(sysconf(_SC_PAGESIZE)) + (4 << 20);
+    const rlimit limit{bytes, bytes};
+    if (pages == 0 || setrlimit(RLIMIT_AS, &limit) != 0) std::exit(2);
+    setThreadCount(4);
+    if (threadsAvailable(3)) std::exit(3);
+    std::atomic<std::size_t> sum{0};
+    parallelFor(10'000, [&](std::size_t i) { sum += i; }, 1);
+    std::exit(sum == 49'995'000 ? 0 : 4);
+}
+
+TEST_F(Parallel, WhereThreadsAreRefusedTheCallingOneDoesIt) {
+    GTEST_FLAG_SET(death_test_style, "threadsafe"); // a process that has made no threads yet
+    EXPECT_EXIT(sumWithoutRoom(), ::testing::ExitedWithCode(0), "");
+}
+#endif
 
 } // namespace
 } // namespace ars
