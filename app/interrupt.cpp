@@ -45,8 +45,9 @@ bool sayTheSentence() {
 }
 
 void onFault(int number) {
-    // SA_RESETHAND: raised again, the signal does what it would have done.
+    // Not SA_RESETHAND: a second thread that faults while this one speaks would end the program.
     if (!sayTheSentence()) ::_exit(128 + number);
+    std::signal(number, SIG_DFL);
     std::raise(number);
 }
 
@@ -71,7 +72,7 @@ FaultSentence::FaultSentence(const std::string& sentence) {
     ::sigaltstack(&stack, nullptr);
     struct sigaction action{};
     action.sa_handler = onFault;
-    action.sa_flags = static_cast<int>(SA_RESETHAND) | SA_ONSTACK | SA_NODEFER;
+    action.sa_flags = SA_ONSTACK | SA_NODEFER;
     sigemptyset(&action.sa_mask);
     for (const int number : kFaults) ::sigaction(number, &action, nullptr);
 #endif

@@ -40,7 +40,7 @@ def expect_named(process, trial, step, what):
     if code in (-signal.SIGSEGV, -signal.SIGBUS, -signal.SIGABRT):
         # LibTorch does not look everywhere whether it was given memory.
         sentence = runs.last_line(text)
-        assert "refused" in sentence and "--resume" in sentence, text[-2000:]
+        assert "refused" in sentence and "--resume" in sentence, f"ended by signal {-code}: {text[-2000:]}"
     else:
         sentence = runs.failed(code, text)
     print(f"{what}: {sentence}", flush=True)
