@@ -10,8 +10,10 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <condition_variable>
 #include <fstream>
 #include <limits>
+#include <mutex>
 #include <thread>
 
 namespace ars {
@@ -132,6 +134,50 @@ TEST_F(TrainingMonitorTest, SaysWhyAFolderCannotBeReadAndComesBack) {
     ASSERT_TRUE(waitFor([&] { return !monitor.latest()->error; }));
     monitor.follow({});
     EXPECT_FALSE(monitor.latest());
+}
+
+TEST_F(TrainingMonitorTest, AFolderThatIsFollowedAgainBeforeTheNextLookIsTold) {
+    // The monitor's thread is held in its call back, so that both wishes come between two looks at the same folder.
+    std::mutex mutex;
+    std::condition_variable changed;
+    bool called = false, goOn = false;
+    RunMonitor monitor([&] {
+        std::unique_lock lock(mutex);
+        called = true;
+        changed.notify_all();
+        changed.wait(lock, [&] { return goOn; });
+    });
+    monitor.follow(run_);
+    {
+        std::unique_lock lock(mutex);
+        ASSERT_TRUE(changed.wait_for(lock, 60s, [&] { return called; }));
+    }
+    ASSERT_TRUE(monitor.latest());
+    monitor.follow(folder_ / "another");
+    monitor.follow(run_);
+    EXPECT_FALSE(monitor.latest());
+    {
+        const std::lock_guard lock(mutex);
+        goOn = true;
+    }
+    changed.notify_all();
+    EXPECT_TRUE(waitFor([&] { return monitor.latest() != nullptr; })) << "nothing is told of a run that stands still";
+}
+
+TEST_F(TrainingMonitorTest, SaysThatAFolderIsGone) {
+    RunMonitor monitor;
+    monitor.follow(run_);
+    ASSERT_TRUE(waitFor([&] { return monitor.latest() != nullptr; }));
+    EXPECT_FALSE(monitor.latest()->gone);
+    fs::remove(run_ / kRunStatusFile);
+    ASSERT_TRUE(waitFor([&] { return monitor.latest()->error.has_value(); }));
+    EXPECT_FALSE(monitor.latest()->gone) << "the folder itself is there";
+    fs::remove_all(run_);
+    ASSERT_TRUE(waitFor([&] { return monitor.latest()->gone; }));
+    EXPECT_TRUE(monitor.latest()->error);
+    fs::create_directories(run_);
+    tell();
+    EXPECT_TRUE(waitFor([&] { return !monitor.latest()->gone && !monitor.latest()->error; }));
 }
 
 TEST(TrainingStarts, SettingLinesAreReadOrNamed) {
