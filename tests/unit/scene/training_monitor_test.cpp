@@ -180,6 +180,13 @@ TEST_F(TrainingMonitorTest, SaysThatAFolderIsGone) {
     EXPECT_TRUE(waitFor([&] { return !monitor.latest()->gone && !monitor.latest()->error; }));
 }
 
+TEST(TrainingStarts, OnlyAHashBehindABlankBeginsAComment) {
+    const auto settings =
+        parseSettingLines("#a=1\n  # b=2\ndata.cameras=#3,4#5 # two\nloss.l1=2\t#tab\ndata.frames=#\n");
+    ASSERT_TRUE(settings.ok());
+    EXPECT_EQ(*settings, (std::vector<std::string>{"data.cameras=#3,4#5", "loss.l1=2", "data.frames=#"}));
+}
+
 TEST(TrainingStarts, SettingLinesAreReadOrNamed) {
     const auto settings = parseSettingLines(" schedule.radiance_steps = 20 \n\n# a word\nloss.l1=2 # twice\n");
     ASSERT_TRUE(settings.ok());
