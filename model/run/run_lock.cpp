@@ -9,7 +9,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <ctime>
@@ -60,12 +59,6 @@ Status syncPath(const fs::path& path, int flags) {
 }
 
 } // namespace
-
-std::string hostName() {
-    std::array<char, 256> name{};
-    if (::gethostname(name.data(), name.size() - 1) != 0) return "unknown";
-    return name.data();
-}
 
 Result<int> takeRunLock(const fs::path& path) {
     for (int attempt = 0; attempt < 10; ++attempt) {

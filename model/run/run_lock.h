@@ -13,9 +13,6 @@ Result<int> takeRunLock(const std::filesystem::path& path);
 /// Lets it go; the file then names nobody.
 void releaseRunLock(int descriptor);
 
-/// This machine's name.
-std::string hostName();
-
 /// Syncs every file of a folder and the folder itself to disk. Io naming the first that cannot be.
 Status syncTree(const std::filesystem::path& folder);
 /// The folder's own entries (names) alone.

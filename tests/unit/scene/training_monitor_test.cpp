@@ -223,6 +223,15 @@ TEST_F(TrainingMonitorTest, AStartIsACallOfTheProgramWhoseWordsGoToTheLog) {
     ASSERT_TRUE(child->wait(30s));
     EXPECT_EQ(endOfLog(run_), "train\n--run\n" + run_.string() + "\n--resume");
     EXPECT_FALSE(startTraining({folder_ / "nowhere", {}, {}, {}, true}).ok());
+    // Alive on another machine whose lock is not seen here.
+    status_.state = RunState::Running;
+    status_.process = 123;
+    status_.host = "elsewhere";
+    status_.updatedUnixS = std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+    tell();
+    const auto second = startTraining({run_, {}, {}, {}, true});
+    ASSERT_FALSE(second.ok());
+    EXPECT_NE(second.error().message.find("works on this run already"), std::string::npos);
     setTrainingProgram({});
 }
 
