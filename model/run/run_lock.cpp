@@ -61,6 +61,8 @@ Status syncPath(const fs::path& path, int flags) {
 } // namespace
 
 Result<int> takeRunLock(const fs::path& path) {
+    // Where locks stay on one machine this one would be granted, and the owner's name written over.
+    if (runOwnerElsewhere(path.parent_path()).process > 0) return ownedError(path);
     for (int attempt = 0; attempt < 10; ++attempt) {
         const int descriptor = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
         if (descriptor < 0) return systemError(path, "cannot be opened");
