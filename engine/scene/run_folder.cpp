@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -291,7 +292,9 @@ std::vector<fs::path> listPreviews(const fs::path& folder) {
     return paths;
 }
 
-bool runOwned(const fs::path& folder) { return lockHeld(folder / kRunLockFile); }
+bool runOwned(const fs::path& folder) {
+    return lockHeld(folder / kRunLockFile) || runOwnerElsewhere(folder).process > 0;
+}
 
 RunOwner readRunOwner(const fs::path& folder) {
     RunOwner owner;
@@ -301,6 +304,21 @@ RunOwner readRunOwner(const fs::path& folder) {
     reader.whole("process", owner.process);
     reader.text("host", owner.host);
     return owner;
+}
+
+RunOwner runOwnerElsewhere(const fs::path& folder) {
+    const auto status = statusAsWritten(folder);
+    if (!status || !runStateNeedsProcess(status->state)) return {};
+    if (status->host.empty() || status->host == hostName()) return {}; // here the lock tells
+    const double now = std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+    const bool fresh = std::abs(now - status->updatedUnixS) < kFreshStatusS; // false for no number
+    return fresh ? RunOwner{status->process, status->host} : RunOwner();
+}
+
+std::string hostName() {
+    std::array<char, 256> name{};
+    if (::gethostname(name.data(), name.size() - 1) != 0) return "unknown";
+    return name.data();
 }
 
 Status requestOfRun(const fs::path& folder, RunRequest request) {

@@ -90,7 +90,8 @@ Result<nlohmann::json> readRunConfig(const std::filesystem::path& folder);
 Result<std::vector<CheckpointEntry>> listCheckpoints(const std::filesystem::path& folder);
 /// Preview pictures, oldest first.
 std::vector<std::filesystem::path> listPreviews(const std::filesystem::path& folder);
-/// Whether a live process holds the run's lock. Only asks: it never stands in the way of a process that wants it.
+/// Whether a live process works on the run: it holds the lock, or runOwnerElsewhere names it. Only asks: it never
+/// stands in the way of a process that wants the lock.
 bool runOwned(const std::filesystem::path& folder);
 
 /// Who wrote owner.lock last; whether it still lives is runOwned's to say.
@@ -99,6 +100,15 @@ struct RunOwner {
     std::string host;
 };
 RunOwner readRunOwner(const std::filesystem::path& folder);
+/// How old a status of another machine may be and still be a sign of life, seconds: a process writes it at least every
+/// two seconds, and the clocks of two machines differ.
+inline constexpr double kFreshStatusS = 10.0;
+/// The process that works on the run on another machine, as status.json tells: where a folder is shared by a file
+/// system that keeps locks to one machine (sshfs, some of NFS) nothing else shows it. Nobody where the status is older
+/// than kFreshStatusS, or later than now by as much.
+RunOwner runOwnerElsewhere(const std::filesystem::path& folder);
+/// This machine's name; "unknown" where it has none.
+std::string hostName();
 
 /// Reads metrics.jsonl piece by piece while it grows; a half-written last line waits for its end, a broken one is
 /// skipped and counted. After a resume from an older checkpoint rows of later steps are superseded: `rows` holds each

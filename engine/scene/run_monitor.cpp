@@ -86,6 +86,8 @@ bool Reader::read(double smoothing) {
     auto status = readRunStatus(folder);
     if (status) next.status = std::move(*status);
     if (!status) keep(status.error());
+    std::error_code unknown;
+    next.gone = !status && !fs::exists(folder, unknown) && !unknown;
     next.owned = runOwned(folder);
     const bool first = snapshot.folder.empty();
     const bool told = next.status.updatedUnixS != snapshot.status.updatedUnixS;
@@ -108,7 +110,7 @@ bool Reader::read(double smoothing) {
     }
     next.brokenLines = metrics.brokenLines();
     const auto words = [](const RunSnapshot& s) { return s.error ? s.error->describe() : std::string(); };
-    const bool changed = first || told || newCurves || next.owned != snapshot.owned ||
+    const bool changed = first || told || newCurves || next.owned != snapshot.owned || next.gone != snapshot.gone ||
                          next.status.state != snapshot.status.state || words(next) != words(snapshot);
     snapshot = std::move(next);
     return changed;
@@ -181,10 +183,11 @@ void RunMonitor::State::run() {
             reader->snapshot.error = makeError(ErrorCode::Internal, wanted.string(), error.what());
         }
         pause = std::max<Clock::duration>(kInterval, kIntervalPerReading * (Clock::now() - begin));
-        if (!news) continue;
         {
             const std::lock_guard lock(mutex);
-            if (folder != wanted) continue;
+            // Without `latest` even old news are wanted: another folder, and this one again, may have been asked for
+            // since the last look.
+            if (folder != wanted || (!news && latest)) continue;
             latest = std::make_shared<const RunSnapshot>(reader->snapshot);
         }
         if (wake) wake();

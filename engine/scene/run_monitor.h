@@ -27,6 +27,7 @@ inline constexpr std::size_t kMostCurvePoints = 1200;
 struct RunSnapshot {
     std::filesystem::path folder;
     std::optional<Error> error; ///< why the rest is older, or empty
+    bool gone = false;          ///< there is no such folder (any more)
     RunStatus status;
     bool owned = false;                       ///< a live process works on it
     std::string capture, preset;              ///< of its config; empty where it does not say
@@ -73,7 +74,8 @@ struct TrainingStart {
 std::filesystem::path trainingProgram();
 void setTrainingProgram(std::filesystem::path program);
 std::vector<std::string> trainingCommand(const TrainingStart& start);
-/// Lines "name=value", without empty ones and comments (#). InvalidArgument names a line that is neither.
+/// Lines "name=value", without empty ones and comments: from a "#" that begins a line or stands behind a blank to the
+/// line's end. InvalidArgument names a line that is neither.
 Result<std::vector<std::string>> parseSettingLines(const std::string& text);
 /// Starts it in a session of its own, so that it outlives this program; what it says goes to the run's log.txt. At nice
 /// 5, for the window's sake. InvalidArgument where capture or run is missing or the run is owned; Io.

@@ -35,6 +35,14 @@ std::string trimmed(const std::string& line) {
     return line.substr(begin, line.find_last_not_of(kBlank) - begin + 1);
 }
 
+/// A value may hold "#": only one that begins the line, or stands behind a blank, begins a comment.
+std::string withoutComment(const std::string& line) {
+    for (std::size_t at = line.find('#'); at != std::string::npos; at = line.find('#', at + 1)) {
+        if (at == 0 || line[at - 1] == ' ' || line[at - 1] == '\t') return trimmed(line.substr(0, at));
+    }
+    return trimmed(line);
+}
+
 Status checkStart(const TrainingStart& start) {
     std::error_code ignored;
     if (start.run.empty()) return makeError(ErrorCode::InvalidArgument, "run", "choose a folder for the run");
@@ -108,7 +116,7 @@ Result<std::vector<std::string>> parseSettingLines(const std::string& text) {
     std::vector<std::string> settings;
     std::istringstream lines(text);
     for (std::string line; std::getline(lines, line);) {
-        line = trimmed(line.substr(0, line.find('#')));
+        line = withoutComment(line);
         if (line.empty()) continue;
         const std::size_t equal = line.find('=');
         if (equal == std::string::npos || equal == 0) {

@@ -9,7 +9,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <ctime>
@@ -61,13 +60,9 @@ Status syncPath(const fs::path& path, int flags) {
 
 } // namespace
 
-std::string hostName() {
-    std::array<char, 256> name{};
-    if (::gethostname(name.data(), name.size() - 1) != 0) return "unknown";
-    return name.data();
-}
-
 Result<int> takeRunLock(const fs::path& path) {
+    // Where locks stay on one machine this one would be granted, and the owner's name written over.
+    if (runOwnerElsewhere(path.parent_path()).process > 0) return ownedError(path);
     for (int attempt = 0; attempt < 10; ++attempt) {
         const int descriptor = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
         if (descriptor < 0) return systemError(path, "cannot be opened");

@@ -8,13 +8,10 @@ namespace ars {
 
 /// Takes the advisory lock on `path` (made when missing) for as long as the descriptor that it returns is open: it goes
 /// with the process, however that ends. Writes the process and its host into the file. Unavailable naming the owner
-/// when another process, or another writer of this one, holds it.
+/// when another process, or another writer of this one, holds it, or runOwnerElsewhere names one.
 Result<int> takeRunLock(const std::filesystem::path& path);
 /// Lets it go; the file then names nobody.
 void releaseRunLock(int descriptor);
-
-/// This machine's name.
-std::string hostName();
 
 /// Syncs every file of a folder and the folder itself to disk. Io naming the first that cannot be.
 Status syncTree(const std::filesystem::path& folder);

@@ -451,6 +451,32 @@ TEST(RunWriter, KeepsTheFormerConfiguration) {
     EXPECT_NE(readTextFile(folder / "run/config.40.json")->find("\"rate\": 1"), std::string::npos);
 }
 
+TEST(RunWriter, LeavesARunAloneThatAnotherMachineWorksOn) {
+    const test::TemporaryFolder folder;
+    const fs::path run = folder / "run";
+    ASSERT_TRUE(RunWriter::create(run, nlohmann::json::object()).ok());
+    // As it is seen over a file system whose locks stay on the other machine.
+    const std::string owner = R"({"process": 123, "host": "elsewhere"})";
+    std::ofstream(run / kRunLockFile) << owner;
+    RunStatus status;
+    status.state = RunState::Running;
+    status.process = 123;
+    status.host = "elsewhere";
+    status.updatedUnixS = std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+    std::ofstream(run / kRunStatusFile) << runStatusToJson(status).dump();
+    const auto second = RunWriter::open(run);
+    ASSERT_FALSE(second.ok());
+    EXPECT_EQ(second.error().code, ErrorCode::Unavailable);
+    EXPECT_EQ(second.error().message, "process 123 on elsewhere works on this run; stop it first");
+    EXPECT_EQ(*readTextFile(run / kRunLockFile), owner);
+
+    status.updatedUnixS -= 60.0;
+    std::ofstream(run / kRunStatusFile) << runStatusToJson(status).dump();
+    setLogToStderr(false);
+    EXPECT_TRUE(RunWriter::open(run).ok());
+    setLogToStderr(true);
+}
+
 TEST(RunWriter, CutsMetricsAfterAStepAndTheHalfLineOfAKilledProcess) {
     const test::TemporaryFolder folder;
     const auto writer = RunWriter::create(folder / "run", nlohmann::json::object());

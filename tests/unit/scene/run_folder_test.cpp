@@ -6,10 +6,14 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <unistd.h>
+
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <limits>
+#include <map>
 
 namespace ars {
 namespace {
@@ -24,6 +28,19 @@ void write(const fs::path& path, const std::string& text) {
 
 void append(const fs::path& path, const std::string& text) {
     std::ofstream(path, std::ios::binary | std::ios::app) << text;
+}
+
+/// A run whose lock nobody holds, as seen from here: its status was written `secondsAgo` on `host`.
+void writeRunning(const fs::path& folder, const std::string& host, double secondsAgo) {
+    const auto now = std::chrono::system_clock::now().time_since_epoch();
+    RunStatus status;
+    status.state = RunState::Running;
+    status.step = 7;
+    status.process = 123;
+    status.host = host;
+    status.updatedUnixS = std::chrono::duration<double>(now).count() - secondsAgo;
+    write(folder / kRunConfigFile, "{}");
+    write(folder / kRunStatusFile, runStatusToJson(status).dump());
 }
 
 std::string rowLine(std::int64_t step, double value) {
@@ -134,6 +151,29 @@ TEST(RunFolder, StateWithoutItsProcessIsFailed) {
     ASSERT_FALSE(asked.ok());
     EXPECT_EQ(asked.error().code, ErrorCode::Unavailable);
     EXPECT_FALSE(fs::exists(folder / kRunControlFile));
+}
+
+TEST(RunFolder, AFreshStatusOfAnotherMachineShowsAnOwnerWhoseLockIsNotSeen) {
+    const test::TemporaryFolder folder;
+    writeRunning(folder.path(), "elsewhere", 0.0);
+    EXPECT_EQ(runOwnerElsewhere(folder.path()).process, 123);
+    EXPECT_EQ(runOwnerElsewhere(folder.path()).host, "elsewhere");
+    EXPECT_TRUE(runOwned(folder.path()));
+    EXPECT_EQ(readRunStatus(folder.path())->state, RunState::Running);
+    EXPECT_TRUE(requestOfRun(folder.path(), RunRequest::Pause).ok());
+    EXPECT_TRUE(fs::exists(folder / kRunControlFile));
+
+    char here[256] = {};
+    ASSERT_EQ(::gethostname(here, sizeof here - 1), 0);
+    for (const auto& [host, age] :
+         std::map<std::string, double>{{"elsewhere", 11.0}, {"ahead", -11.0}, {here, 0.0}, {"", 0.0}}) {
+        writeRunning(folder.path(), host, age);
+        EXPECT_EQ(runOwnerElsewhere(folder.path()).process, 0) << host;
+        EXPECT_FALSE(runOwned(folder.path())) << host;
+        EXPECT_EQ(readRunStatus(folder.path())->state, RunState::Failed) << host;
+    }
+    write(folder / kRunStatusFile, R"({"state": "finished", "process": 123, "host": "elsewhere"})");
+    EXPECT_EQ(runOwnerElsewhere(folder.path()).process, 0);
 }
 
 TEST(RunFolder, ListsOnlyCompleteCheckpointsOldestFirst) {

@@ -10,8 +10,10 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <condition_variable>
 #include <fstream>
 #include <limits>
+#include <mutex>
 #include <thread>
 
 namespace ars {
@@ -134,6 +136,57 @@ TEST_F(TrainingMonitorTest, SaysWhyAFolderCannotBeReadAndComesBack) {
     EXPECT_FALSE(monitor.latest());
 }
 
+TEST_F(TrainingMonitorTest, AFolderThatIsFollowedAgainBeforeTheNextLookIsTold) {
+    // The monitor's thread is held in its call back, so that both wishes come between two looks at the same folder.
+    std::mutex mutex;
+    std::condition_variable changed;
+    bool called = false, goOn = false;
+    RunMonitor monitor([&] {
+        std::unique_lock lock(mutex);
+        called = true;
+        changed.notify_all();
+        changed.wait(lock, [&] { return goOn; });
+    });
+    monitor.follow(run_);
+    {
+        std::unique_lock lock(mutex);
+        ASSERT_TRUE(changed.wait_for(lock, 60s, [&] { return called; }));
+    }
+    ASSERT_TRUE(monitor.latest());
+    monitor.follow(folder_ / "another");
+    monitor.follow(run_);
+    EXPECT_FALSE(monitor.latest());
+    {
+        const std::lock_guard lock(mutex);
+        goOn = true;
+    }
+    changed.notify_all();
+    EXPECT_TRUE(waitFor([&] { return monitor.latest() != nullptr; })) << "nothing is told of a run that stands still";
+}
+
+TEST_F(TrainingMonitorTest, SaysThatAFolderIsGone) {
+    RunMonitor monitor;
+    monitor.follow(run_);
+    ASSERT_TRUE(waitFor([&] { return monitor.latest() != nullptr; }));
+    EXPECT_FALSE(monitor.latest()->gone);
+    fs::remove(run_ / kRunStatusFile);
+    ASSERT_TRUE(waitFor([&] { return monitor.latest()->error.has_value(); }));
+    EXPECT_FALSE(monitor.latest()->gone) << "the folder itself is there";
+    fs::remove_all(run_);
+    ASSERT_TRUE(waitFor([&] { return monitor.latest()->gone; }));
+    EXPECT_TRUE(monitor.latest()->error);
+    fs::create_directories(run_);
+    tell();
+    EXPECT_TRUE(waitFor([&] { return !monitor.latest()->gone && !monitor.latest()->error; }));
+}
+
+TEST(TrainingStarts, OnlyAHashBehindABlankBeginsAComment) {
+    const auto settings =
+        parseSettingLines("#a=1\n  # b=2\ndata.cameras=#3,4#5 # two\nloss.l1=2\t#tab\ndata.frames=#\n");
+    ASSERT_TRUE(settings.ok());
+    EXPECT_EQ(*settings, (std::vector<std::string>{"data.cameras=#3,4#5", "loss.l1=2", "data.frames=#"}));
+}
+
 TEST(TrainingStarts, SettingLinesAreReadOrNamed) {
     const auto settings = parseSettingLines(" schedule.radiance_steps = 20 \n\n# a word\nloss.l1=2 # twice\n");
     ASSERT_TRUE(settings.ok());
@@ -170,6 +223,15 @@ TEST_F(TrainingMonitorTest, AStartIsACallOfTheProgramWhoseWordsGoToTheLog) {
     ASSERT_TRUE(child->wait(30s));
     EXPECT_EQ(endOfLog(run_), "train\n--run\n" + run_.string() + "\n--resume");
     EXPECT_FALSE(startTraining({folder_ / "nowhere", {}, {}, {}, true}).ok());
+    // Alive on another machine whose lock is not seen here.
+    status_.state = RunState::Running;
+    status_.process = 123;
+    status_.host = "elsewhere";
+    status_.updatedUnixS = std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+    tell();
+    const auto second = startTraining({run_, {}, {}, {}, true});
+    ASSERT_FALSE(second.ok());
+    EXPECT_NE(second.error().message.find("works on this run already"), std::string::npos);
     setTrainingProgram({});
 }
 
