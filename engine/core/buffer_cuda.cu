@@ -1,16 +1,11 @@
 #include "engine/core/buffer_cuda.h"
 
-#include <cuda_runtime.h>
+#include "engine/core/cuda_status.h"
 
 namespace ars::cuda {
 namespace {
 
-Status check(cudaError_t code, const char* what) {
-    if (code == cudaSuccess) return {};
-    (void)cudaGetLastError(); // the error must not stick to the next call
-    const ErrorCode kind = code == cudaErrorMemoryAllocation ? ErrorCode::OutOfMemory : ErrorCode::Unavailable;
-    return makeError(kind, "CUDA", fmt::format("{}: {}", what, cudaGetErrorString(code)));
-}
+Status check(cudaError_t code, const char* what) { return statusOf(code, "CUDA", what); }
 
 } // namespace
 
@@ -34,6 +29,7 @@ Result<void*> allocate(int device, std::size_t bytes) {
 void release(int device, void* data) noexcept {
     (void)cudaSetDevice(device);
     (void)cudaFree(data);
+    (void)cudaGetLastError(); // nobody is told, so nobody else shall be blamed
 }
 
 Status copy(void* destination, const Device& destinationDevice, const void* source, const Device& sourceDevice,

@@ -319,8 +319,11 @@ Status FramePipeline::splatStage(const FrameInputs& inputs, ChannelSet channels)
         // Looking at one more buffer of the same picture keeps those that are there.
         const ChannelSet all = fresh ? channels.united(t.gbuffer.channels) : channels;
         t.gbufferVersion = 0; // nothing holds if splatting fails half-way
+        // On CUDA splatting looks whether its pictures are whole, and makes them again where not, only for who waits
+        // for it. Whoever waits for the stage anyway does.
+        const bool whole = collectStats_ || (waitForTimings_ && device_.kind == DeviceKind::Cuda);
         ARS_TRY_STATUS(splat(inputs.splat, liveSurfels(), inputs.camera, all, t.gbuffer, t.splatWorkspace, nullptr,
-                             collectStats_ ? &splatStats_ : nullptr));
+                             whole ? &splatStats_ : nullptr));
         t.gbufferVersion = ++version_;
         t.splattedLive = liveVersion_;
         t.splattedCamera = t.cameraVersion;

@@ -123,7 +123,8 @@ public:
     const std::array<StageReport, kFrameStageCount>& stages() const { return reports_; }
     const SplatStats& splatStats() const { return splatStats_; }
     /// On CUDA stages are only queued and their times those of queueing; with this, each waits for its end. Off by
-    /// default: a frame then never waits.
+    /// default: a frame then never waits, and may lack its farthest surfels (SplatWorkspace::incomplete); with this it
+    /// is always whole.
     void waitForTimings(bool wait) { waitForTimings_ = wait; }
     /// Counting costs a little and, on CUDA, waits for the device; off by default.
     void collectSplatStats(bool collect) { collectStats_ = collect; }

@@ -1,5 +1,7 @@
 #include "engine/gl/device_texture_cuda.h"
 
+#include "engine/core/cuda_status.h"
+
 #include <GL/gl.h>
 
 #include <cuda_gl_interop.h>
@@ -8,11 +10,7 @@
 namespace ars::cuda {
 namespace {
 
-Status check(cudaError_t code, const char* what) {
-    if (code == cudaSuccess) return {};
-    (void)cudaGetLastError(); // the error must not stick to the next call
-    return makeError(ErrorCode::Unavailable, "CUDA with OpenGL", fmt::format("{}: {}", what, cudaGetErrorString(code)));
-}
+Status check(cudaError_t code, const char* what) { return statusOf(code, "CUDA with OpenGL", what); }
 
 __global__ void writeOne(cudaSurfaceObject_t surface, const float* values, int width, int height) {
     const int x = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
@@ -64,6 +62,7 @@ Result<void*> registerTexture(int device, unsigned texture) {
 
 void unregisterTexture(void* resource) noexcept {
     (void)cudaGraphicsUnregisterResource(static_cast<cudaGraphicsResource*>(resource));
+    (void)cudaGetLastError(); // nobody is told, so nobody else shall be blamed
 }
 
 Status writeTexture(int device, void* resource, ImageView<const float> picture) {

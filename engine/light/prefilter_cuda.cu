@@ -5,10 +5,9 @@
 // GLM marks defaulted constructors for the device, which nvcc remarks on a hundred times.
 #pragma nv_diag_suppress 20012
 
+#include "engine/core/cuda_status.h"
 #include "engine/light/prefilter_kernels.h"
 #include "engine/light/prefilter_math.h"
-
-#include <string>
 
 namespace ars::cuda {
 namespace {
@@ -107,11 +106,7 @@ __global__ void diffuseKernel(FilterArguments a, std::size_t texels) {
     }
 }
 
-Status cudaStatus(cudaError_t code) {
-    if (code == cudaSuccess) return {};
-    return makeError(code == cudaErrorMemoryAllocation ? ErrorCode::OutOfMemory : ErrorCode::Unavailable, "light",
-                     std::string("the CUDA device refused: ") + cudaGetErrorString(code));
-}
+Status cudaStatus(cudaError_t code) { return statusOf(code, "light"); }
 
 unsigned blocksFor(std::size_t threads) { return static_cast<unsigned>((threads + kBlock - 1) / kBlock); }
 

@@ -5,9 +5,8 @@
 // GLM marks defaulted constructors for the device, which nvcc remarks on a hundred times.
 #pragma nv_diag_suppress 20012
 
+#include "engine/core/cuda_status.h"
 #include "engine/light/prefilter_gradient_kernels.h"
-
-#include <string>
 
 namespace ars::cuda {
 namespace {
@@ -72,11 +71,7 @@ __global__ void averageBackwardKernel(const float* smaller, float* larger, std::
     if (i < count) addAverageBackward(smaller, larger, width, i / width, i % width);
 }
 
-Status cudaStatus(cudaError_t code) {
-    if (code == cudaSuccess) return {};
-    return makeError(ErrorCode::Unavailable, "light gradient",
-                     std::string("the CUDA device refused: ") + cudaGetErrorString(code));
-}
+Status cudaStatus(cudaError_t code) { return statusOf(code, "light gradient"); }
 
 unsigned blocksFor(std::size_t threads) { return static_cast<unsigned>((threads + kBlock - 1) / kBlock); }
 

@@ -5,6 +5,7 @@
 // GLM marks defaulted constructors for the device, which nvcc remarks on a hundred times.
 #pragma nv_diag_suppress 20012
 
+#include "engine/core/cuda_status.h"
 #include "engine/occlusion/ambient_occlusion_kernels.h"
 
 namespace ars::cuda {
@@ -151,11 +152,7 @@ __global__ void marchPixels(const OcclusionArguments a) {
     }
 }
 
-Status cudaStatus(cudaError_t code) {
-    if (code == cudaSuccess) return {};
-    return makeError(code == cudaErrorMemoryAllocation ? ErrorCode::OutOfMemory : ErrorCode::Unavailable, "occlusion",
-                     std::string("the CUDA device refused: ") + cudaGetErrorString(code));
-}
+Status cudaStatus(cudaError_t code) { return statusOf(code, "occlusion"); }
 
 /// Warps that fill the device; asked for once for each device.
 Result<int> residentBlocks(int index) {

@@ -1,8 +1,7 @@
 #include <cuda_runtime.h>
 
+#include "engine/core/cuda_status.h"
 #include "engine/occlusion/radius_gradient_kernels.h"
-
-#include <string>
 
 namespace ars::cuda {
 namespace {
@@ -14,11 +13,7 @@ __global__ void radiusGradientKernel(RadiusGradientArguments a) {
     if (p < a.pixels) radiusGradientPixel(a, p);
 }
 
-Status cudaStatus(cudaError_t code) {
-    if (code == cudaSuccess) return {};
-    return makeError(ErrorCode::Unavailable, "radius gradient",
-                     std::string("the CUDA device refused: ") + cudaGetErrorString(code));
-}
+Status cudaStatus(cudaError_t code) { return statusOf(code, "radius gradient"); }
 
 } // namespace
 

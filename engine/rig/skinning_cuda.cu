@@ -5,6 +5,7 @@
 // GLM marks defaulted constructors for the device, which nvcc remarks on a hundred times.
 #pragma nv_diag_suppress 20012
 
+#include "engine/core/cuda_status.h"
 #include "engine/rig/skinning.h"
 #include "engine/rig/skinning_kernels.h"
 
@@ -35,11 +36,7 @@ __global__ void skinKernel(SkinArguments a) {
     if (a.normals) a.normals[i] = rotateNormal(polarRotation(blend), a.restNormals[i]);
 }
 
-Status cudaStatus(cudaError_t code) {
-    if (code == cudaSuccess) return {};
-    return makeError(code == cudaErrorMemoryAllocation ? ErrorCode::OutOfMemory : ErrorCode::Unavailable, "skinning",
-                     std::string("the CUDA device refused: ") + cudaGetErrorString(code));
-}
+Status cudaStatus(cudaError_t code) { return statusOf(code, "skinning"); }
 
 } // namespace
 

@@ -5,9 +5,8 @@
 // GLM marks defaulted constructors for the device, which nvcc remarks on a hundred times.
 #pragma nv_diag_suppress 20012
 
+#include "engine/core/cuda_status.h"
 #include "engine/shade/shading_kernels.h"
-
-#include <string>
 
 namespace ars::cuda {
 namespace {
@@ -21,11 +20,7 @@ __global__ void shadeKernel(ShadingArguments a) {
     if (column < a.width && row < a.height) shadePixel(a, row, column);
 }
 
-Status cudaStatus(cudaError_t code) {
-    if (code == cudaSuccess) return {};
-    return makeError(ErrorCode::Unavailable, "shading",
-                     std::string("the CUDA device refused: ") + cudaGetErrorString(code));
-}
+Status cudaStatus(cudaError_t code) { return statusOf(code, "shading"); }
 
 } // namespace
 

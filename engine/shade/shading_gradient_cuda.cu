@@ -5,9 +5,8 @@
 // GLM marks defaulted constructors for the device, which nvcc remarks on a hundred times.
 #pragma nv_diag_suppress 20012
 
+#include "engine/core/cuda_status.h"
 #include "engine/shade/shading_gradient_kernels.h"
-
-#include <string>
 
 namespace ars::cuda {
 namespace {
@@ -56,11 +55,7 @@ __global__ void fromFixedPointKernel(const long long* sums, float* values, std::
     if (i < count) values[i] = fromFixedPoint(sums[i], __uint_as_float(*bound), bits);
 }
 
-Status cudaStatus(cudaError_t code) {
-    if (code == cudaSuccess) return {};
-    return makeError(ErrorCode::Unavailable, "shading gradient",
-                     std::string("the CUDA device refused: ") + cudaGetErrorString(code));
-}
+Status cudaStatus(cudaError_t code) { return statusOf(code, "shading gradient"); }
 
 unsigned blocksFor(std::size_t threads) { return static_cast<unsigned>((threads + kBlock - 1) / kBlock); }
 

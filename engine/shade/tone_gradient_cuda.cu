@@ -5,9 +5,8 @@
 // GLM marks defaulted constructors for the device, which nvcc remarks on a hundred times.
 #pragma nv_diag_suppress 20012
 
+#include "engine/core/cuda_status.h"
 #include "engine/shade/tone_gradient_kernels.h"
-
-#include <string>
 
 namespace ars::cuda {
 namespace {
@@ -19,11 +18,7 @@ __global__ void toneGradientKernel(ToneGradientArguments a) {
     if (i < a.pixels) toneGradientPixel(a, i);
 }
 
-Status cudaStatus(cudaError_t code) {
-    if (code == cudaSuccess) return {};
-    return makeError(ErrorCode::Unavailable, "tone gradient",
-                     std::string("the CUDA device refused: ") + cudaGetErrorString(code));
-}
+Status cudaStatus(cudaError_t code) { return statusOf(code, "tone gradient"); }
 
 } // namespace
 

@@ -5,6 +5,7 @@
 // GLM marks defaulted constructors for the device, which nvcc remarks on a hundred times.
 #pragma nv_diag_suppress 20012
 
+#include "engine/core/cuda_status.h"
 #include "engine/surfel/pose_surfels_kernels.h"
 #include "engine/surfel/pose_surfels_math.h"
 
@@ -81,11 +82,7 @@ __global__ void poseSurfelsKernel(PoseSurfelsArrays a, Steps steps) {
     }
 }
 
-Status cudaStatus(cudaError_t code) {
-    if (code == cudaSuccess) return {};
-    return makeError(code == cudaErrorMemoryAllocation ? ErrorCode::OutOfMemory : ErrorCode::Unavailable,
-                     "pose surfels", std::string("the CUDA device refused: ") + cudaGetErrorString(code));
-}
+Status cudaStatus(cudaError_t code) { return statusOf(code, "pose surfels"); }
 
 } // namespace
 

@@ -5,6 +5,7 @@
 // GLM marks defaulted constructors for the device, which nvcc remarks on a hundred times.
 #pragma nv_diag_suppress 20012
 
+#include "engine/core/cuda_status.h"
 #include "engine/surfel/pose_surfels_gradient_kernels.h"
 #include "engine/surfel/pose_surfels_gradient_math.h"
 
@@ -47,11 +48,7 @@ __global__ void finishRadiiKernel(const double* blockSums, float* radii) {
     radii[threadIdx.x] = static_cast<float>(sum);
 }
 
-Status cudaStatus(cudaError_t code) {
-    if (code == cudaSuccess) return {};
-    return makeError(code == cudaErrorMemoryAllocation ? ErrorCode::OutOfMemory : ErrorCode::Unavailable,
-                     "posing gradient", std::string("the CUDA device refused: ") + cudaGetErrorString(code));
-}
+Status cudaStatus(cudaError_t code) { return statusOf(code, "posing gradient"); }
 
 } // namespace
 

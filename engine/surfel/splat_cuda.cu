@@ -5,6 +5,7 @@
 // GLM marks defaulted constructors for the device, which nvcc remarks on a hundred times.
 #pragma nv_diag_suppress 20012
 
+#include "engine/core/cuda_status.h"
 #include "engine/surfel/splat_cuda_tile.cuh"
 #include "engine/surfel/splat_kernels.h"
 
@@ -39,6 +40,7 @@ void CudaSplatStateDelete::operator()(CudaSplatState* state) const {
     if (state->done) cudaEventDestroy(state->done);
     if (state->counters) cudaFreeHost(state->counters);
     cudaSetDevice(before);
+    (void)cudaGetLastError(); // nobody is told, so nobody else shall be blamed
     delete state;
 }
 
@@ -48,11 +50,7 @@ namespace {
 constexpr int kBlock = 256;
 constexpr std::uint32_t kHidden = 0xffffffffu; ///< depth key of surfels that are left out: behind all others
 
-Status check(cudaError_t code) {
-    if (code == cudaSuccess) return {};
-    return makeError(code == cudaErrorMemoryAllocation ? ErrorCode::OutOfMemory : ErrorCode::Unavailable, "splat",
-                     std::string("the CUDA device refused: ") + cudaGetErrorString(code));
-}
+Status check(cudaError_t code) { return statusOf(code, "splat"); }
 
 template <typename T>
 T* pointer(Buffer& buffer) {
@@ -149,17 +147,19 @@ __global__ void tileStartsKernel(DeviceFrame f) {
 
 Result<CudaSplatState*> stateOf(SplatWorkspace::Memory& m, const Device& device) {
     if (m.cuda && m.cuda->device == device.index) return m.cuda.get();
-    m.cuda.reset(new CudaSplatState);
-    m.cuda->device = device.index;
-    ARS_TRY_STATUS(check(cudaEventCreateWithFlags(&m.cuda->done, cudaEventDisableTiming)));
-    ARS_TRY_STATUS(check(cudaMallocHost(reinterpret_cast<void**>(&m.cuda->counters), sizeof(FrameCounters))));
-    *m.cuda->counters = {};
+    m.cuda.reset();
+    std::unique_ptr<CudaSplatState, CudaSplatStateDelete> state(new CudaSplatState);
+    state->device = device.index;
+    ARS_TRY_STATUS(check(cudaEventCreateWithFlags(&state->done, cudaEventDisableTiming)));
+    ARS_TRY_STATUS(check(cudaMallocHost(reinterpret_cast<void**>(&state->counters), sizeof(FrameCounters))));
+    *state->counters = {};
+    m.cuda = std::move(state); // whole, or not at all
     return m.cuda.get();
 }
 
 /// Room for instances: a quarter more than the last known frame had.
 std::uint64_t plannedInstances(CudaSplatState& state, std::size_t surfels) {
-    if (state.queued && cudaEventQuery(state.done) == cudaSuccess) state.known = state.counters->instances;
+    if (state.queued && isFinished(state.done)) state.known = state.counters->instances;
     const std::uint64_t guess = state.known > 0 ? state.known + state.known / 4 + 65536
                                                 : std::max<std::uint64_t>(1u << 20, 4 * std::uint64_t(surfels));
     return std::min<std::uint64_t>(guess, std::numeric_limits<std::int32_t>::max());
@@ -368,7 +368,7 @@ Status splat(const SplatArguments& a) {
 }
 
 bool lastFrameIncomplete(const CudaSplatState& state) {
-    return state.queued && cudaEventQuery(state.done) == cudaSuccess && state.counters->instances > state.planned;
+    return state.queued && isFinished(state.done) && state.counters->instances > state.planned;
 }
 
 } // namespace cuda

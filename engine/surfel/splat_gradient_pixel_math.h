@@ -39,6 +39,7 @@ struct ProjectedGradient {
 template <typename S, typename T>
 ARS_HD inline T blendBackward(const T& weight, const T& before, const T& after, const T& h, const T& suffix) {
     const T passed = weight * (h - suffix / after) * T(S(kLn2));
+    // One product and no sum: nothing that a compiler could fuse, so that this is the product of the forward pass.
     return select(weight >= before * T(S(kMaxAlpha)), T(S(0)), passed);
 }
 

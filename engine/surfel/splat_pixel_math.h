@@ -128,8 +128,15 @@ template <typename T, typename Mask>
 ARS_HD inline T blendWeight(const T& log2Alpha, T& transmittance, Mask& live) {
     const Mask reaches = both(live, log2Alpha >= T(float(kMinLog2Alpha)));
     const T alpha = minOf(exp2Of(log2Alpha), T(float(kMaxAlpha)));
+#if defined(__CUDA_ARCH__)
+    // Backward finds T_{i+1} as T - w and a clamped alpha by w >= 0.99 T: both must meet these bits. Hosts round after
+    // every operation (-ffp-contract=off); nvcc would fuse T - T alpha. T is float here.
+    const T weight = __fmul_rn(transmittance, alpha);
+    const T next = __fsub_rn(transmittance, weight);
+#else
     const T weight = transmittance * alpha;
     const T next = transmittance - weight;
+#endif
     const Mask ends = both(reaches, next < T(float(kMinTransmittance)));
     const Mask blends = butNot(reaches, ends);
     live = butNot(live, ends);
