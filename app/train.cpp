@@ -111,9 +111,15 @@ Status printParameters(const TrainOptions& options) {
     return {};
 }
 
+/// Whether there is a run, in whatever state it and its status.json are.
+bool isRun(const std::string& folder) {
+    std::error_code ignored;
+    return fs::is_regular_file(fs::path(folder) / kRunConfigFile, ignored);
+}
+
 Result<RunStatus> statusOf(const TrainOptions& options) {
     if (options.run.empty()) return wrongUsage("--run", "expected the folder of a run");
-    if (!looksLikeRunFolder(options.run)) {
+    if (!isRun(options.run)) {
         return makeError(ErrorCode::NotFound, options.run, "this is no run folder");
     }
     return readRunStatus(options.run);
@@ -187,14 +193,16 @@ Result<TrainRequest> trainRequest(const TrainOptions& options, ModelPlugin& mode
 
 Status checkUsage(const TrainOptions& options) {
     if (options.run.empty()) return wrongUsage("--run", "expected a folder for the run");
-    const bool exists = looksLikeRunFolder(options.run);
     if (options.resume) {
-        if (!exists) return makeError(ErrorCode::NotFound, options.run, "this is no run folder: nothing to resume");
-        if (!options.preset.empty()) return wrongUsage("--preset", "a run that is resumed keeps its own");
-        return {};
+        for (const auto& [option, value] :
+             {std::pair{"--preset", options.preset}, {"--body", options.body}, {"--template", options.templateFile}}) {
+            if (!value.empty()) return wrongUsage(option, "a run that is resumed keeps its own");
+        }
+        if (isRun(options.run)) return {};
+        return makeError(ErrorCode::NotFound, options.run, "this is no run folder: nothing to resume");
     }
     if (options.capture.empty()) return wrongUsage("--capture", "expected the folder of a capture");
-    if (exists) {
+    if (isRun(options.run)) {
         return wrongUsage("--run", fmt::format("{}: there is a run in this folder already; add --resume to go on with "
                                                "it, or choose another folder",
                                                printable(options.run)));
@@ -242,8 +250,9 @@ int runTrain(const TrainOptions& options) {
     }
     const FaultSentence onFault(fmt::format(
         "\nerror: {}: the program broke off by a fault of its own or of LibTorch; where memory is limited it "
-        "was most likely refused some; the newest checkpoint is intact, --resume goes on from it\n",
-        options.run));
+        "was most likely refused some; checkpoints that the run has are intact, and where it had begun --resume goes "
+        "on with it\n",
+        printable(options.run)));
     const auto status = train(options);
     if (!status) return reportTrainError(status.error(), options.output);
     describeEnd(options, *status);

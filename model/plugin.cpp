@@ -61,14 +61,16 @@ struct PreparedRun {
     std::unique_ptr<RunWriter> writer;
     TrainerSources sources;
     TrainingConfig config;
+    bool changed = false; ///< config.json says something else
 };
 
 Status applySettings(const TrainRequest& request, TrainingConfig& config) {
     for (const auto& [name, value] : request.settings) ARS_TRY_STATUS(setTrainingParameter(config, name, value));
+    makePathsAbsolute(config);
     return validateTrainingConfig(config);
 }
 
-Result<PreparedRun> prepareNewRun(const TrainRequest& request) {
+Result<PreparedRun> prepareNewRun(const TrainRequest& request, const std::atomic<bool>& stop) {
     PreparedRun run;
     run.sources = {std::filesystem::absolute(request.capture),
                    request.body.empty() ? request.body : std::filesystem::absolute(request.body),
@@ -77,9 +79,10 @@ Result<PreparedRun> prepareNewRun(const TrainRequest& request) {
     ARS_TRY(run.config, trainingPreset(request.preset));
     ARS_TRY_STATUS(applySettings(request, run.config));
     // What is wrong with the capture is said before a folder is made.
-    ARS_TRY(const Capture capture, openCapture(run.sources.capture));
+    ARS_TRY(Capture capture, openCapture(run.sources.capture, [&](double, std::string_view) { return !stop; }));
     ARS_TRY(const CaptureSplit split, trainingSplit(capture, run.config.cameras, run.config.frames));
     (void)split;
+    run.sources.opened = std::make_shared<const Capture>(std::move(capture));
     ARS_TRY(run.writer, RunWriter::create(request.run, runConfig(run.sources, run.config)));
     return run;
 }
@@ -96,11 +99,7 @@ Result<PreparedRun> prepareResume(const TrainRequest& request) {
     if (!request.capture.empty()) run.sources.capture = std::filesystem::absolute(request.capture);
     ARS_TRY_STATUS(applySettings(request, run.config));
     ARS_TRY(run.writer, RunWriter::open(request.run));
-    const nlohmann::json now = runConfig(run.sources, run.config);
-    if (now != json) {
-        ARS_TRY(const RunStatus status, readRunStatus(request.run));
-        ARS_TRY_STATUS(run.writer->rewriteConfig(now, status.step));
-    }
+    run.changed = runConfig(run.sources, run.config) != json;
     return run;
 }
 
@@ -133,7 +132,12 @@ public:
 
     Result<RunStatus> train(const TrainRequest& request, const std::atomic<bool>& stop,
                             const std::function<void(const RunStatus&)>& listener) override {
-        ARS_TRY(PreparedRun run, request.resume ? prepareResume(request) : prepareNewRun(request));
+        ARS_TRY(PreparedRun run, request.resume ? prepareResume(request) : prepareNewRun(request, stop));
+        RunOptions options = runOptions(run.config);
+        // Only then it is known that the run goes on under them: a mistake is not to be the next resume's as well.
+        options.onRestored = [&](std::int64_t step) {
+            return run.changed ? run.writer->rewriteConfig(runConfig(run.sources, run.config), step) : Status();
+        };
         const std::unique_ptr<TrainingTask> task = makeAvatarTrainer(run.sources, run.config);
         RunSignals signals;
         const RunListener told = [&](const RunStatus& status) {
@@ -147,7 +151,7 @@ public:
                 std::this_thread::sleep_for(std::chrono::milliseconds(50));
             }
         });
-        return runTraining(*run.writer, *task, runOptions(run.config), request.resume, signals, told);
+        return runTraining(*run.writer, *task, options, request.resume, signals, told);
     }
 
     Result<nlohmann::ordered_json> evaluate(const EvalRequest& request, const ProgressFunction& progress) override {

@@ -50,7 +50,8 @@ Status checkStart(const TrainingStart& start) {
         return makeError(ErrorCode::InvalidArgument, start.run.string(), "a process works on this run already");
     }
     if (start.resume) {
-        if (looksLikeRunFolder(start.run)) return {};
+        // As ars train asks: a damaged status.json is no reason not to go on.
+        if (fs::is_regular_file(start.run / kRunConfigFile, ignored)) return {};
         return makeError(ErrorCode::InvalidArgument, start.run.string(), "there is no run here that could go on");
     }
     if (start.capture.empty())

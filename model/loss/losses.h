@@ -39,8 +39,8 @@ struct NeighbourPairs {
 };
 NeighbourPairs canonicalNeighbours(std::span<const glm::vec3> canonical, int neighbours = 8, float maxSpacings = 3.0f);
 /// L_nd over the pairs `chosen` (int64 indices into them; all when undefined):
-/// mean of w (1 - |n_i . n_j|), w = exp(-|mu_i - mu_j|^2 / sigma_i^2) detached, sigma_i from posed means of the pair's
-/// first and its farthest neighbour (canonical distance, scaled by nothing).
+/// mean of w (1 - |n_i . n_j|), w = exp(-|mu_i - mu_j|^2 / sigma_i^2) detached, sigma_i the canonical distance
+/// from the pair's first to its farthest neighbour (NeighbourPairs::farthest).
 /// @param normals (N, 3) posed surfel normals: third axis of the posed rotations
 at::Tensor normalDeformationLoss(const NeighbourPairs& pairs, const at::Tensor& means, const at::Tensor& normals,
                                  const at::Tensor& chosen = {});

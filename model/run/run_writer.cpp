@@ -160,7 +160,7 @@ Result<std::unique_ptr<RunWriter>> RunWriter::open(const fs::path& folder) {
 /// After an owner that died: its status becomes failed, and what it had half written goes.
 Status RunWriter::takeOver() {
     std::error_code ignored;
-    for (const fs::path& parent : {folder_, folder_ / kRunCheckpointFolder}) {
+    for (const fs::path& parent : {folder_, folder_ / kRunCheckpointFolder, folder_ / kRunPreviewFolder}) {
         std::vector<fs::path> leftovers;
         for (fs::directory_iterator it(parent, ignored), end; !ignored && it != end; it.increment(ignored)) {
             const std::string name = it->path().filename().string();

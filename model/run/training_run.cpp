@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <deque>
 #include <thread>
 
 namespace ars {
@@ -56,6 +57,9 @@ private:
         if (listener_) listener_(keeper_.status());
     }
     std::optional<RunRequest> nextRequest();
+    bool asked(RunRequest request) const {
+        return std::find(waiting_.begin(), waiting_.end(), request) != waiting_.end();
+    }
     bool wanted(std::int64_t every) const { return every > 0 && task_.stepsDone() % every == 0; }
     void pace(double milliseconds);
 
@@ -66,8 +70,8 @@ private:
     const RunListener& listener_;
     RunLog log_;
     StatusKeeper keeper_;
-    std::optional<RunRequest> waiting_; ///< came while loading
-    double stepMs_ = 0;                 ///< moving mean
+    std::deque<RunRequest> waiting_; ///< came while loading, oldest first
+    double stepMs_ = 0;              ///< moving mean
 };
 
 Status Run::go(RunState state, const std::string& note) {
@@ -81,8 +85,10 @@ Status Run::go(RunState state, const std::string& note) {
 /// What is asked now: a signal counts as stop and comes before everything else.
 std::optional<RunRequest> Run::nextRequest() {
     if (signals_.stop.load()) return RunRequest::Stop;
-    if (waiting_) return std::exchange(waiting_, std::nullopt);
-    return writer_.takeRequest();
+    if (waiting_.empty()) return writer_.takeRequest();
+    const RunRequest oldest = waiting_.front();
+    waiting_.pop_front();
+    return oldest;
 }
 
 Result<RunStatus> Run::work(bool resume) {
@@ -103,36 +109,41 @@ Result<RunStatus> Run::work(bool resume) {
 
 Status Run::whole(bool resume) {
     ARS_TRY_STATUS(go(RunState::Loading));
-    ARS_TRY(Flow flow, load(resume));
-    if (flow == Flow::Ended) return {};
+    bool begun = resume; // before that there is nothing that could be intact
     // What throws here is no step of the task, but the run's own words that no memory was left for.
-    auto worked = withoutExceptions<Result<Flow>>("training", [&] { return steps(); });
-    if (!worked) {
-        // Saving names it by itself; every other failure leaves it just as intact.
-        Error error = std::move(worked).error();
-        const bool named = error.message.find("checkpoint") != std::string::npos;
-        if (!named) error.message += "; " + writer_.intactCheckpoint();
-        return error;
-    }
-    return {};
+    auto worked = withoutExceptions<Result<Flow>>("training", [&]() -> Result<Flow> {
+        ARS_TRY(const Flow flow, load(resume));
+        if (flow == Flow::Ended) return flow;
+        begun = true;
+        return steps();
+    });
+    if (worked) return {};
+    // Saving and restoring name it by themselves; every other failure leaves it just as intact.
+    Error error = std::move(worked).error();
+    const bool named = error.message.find("checkpoint") != std::string::npos;
+    if (begun && !named) error.message += "; " + writer_.intactCheckpoint();
+    return error;
 }
 
 Result<Flow> Run::load(bool resume) {
     const auto progress = [&](double fraction, std::string_view what) {
         keeper_.change([&](RunStatus& status) { status.note = fmt::format("{} ({:.0f} %)", what, 100 * fraction); });
         tell();
-        if (!waiting_) waiting_ = writer_.takeRequest();
-        return !signals_.stop.load() && waiting_ != RunRequest::Stop && waiting_ != RunRequest::Discard;
+        if (const auto request = writer_.takeRequest()) waiting_.push_back(*request);
+        return !signals_.stop.load() && !asked(RunRequest::Stop) && !asked(RunRequest::Discard);
     };
     const Status loaded = withoutExceptions<Status>("loading", [&] { return task_.load(progress); });
     if (!loaded) {
         if (loaded.error().code != ErrorCode::Cancelled) return loaded.error();
-        if (waiting_ == RunRequest::Discard && !signals_.stop) return discard();
+        if (asked(RunRequest::Discard) && !signals_.stop) return discard();
         ARS_TRY_STATUS(go(RunState::Stopping));
         ARS_TRY_STATUS(go(RunState::Idle, "stopped on request while loading"));
         return Flow::Ended;
     }
-    if (resume) ARS_TRY_STATUS(restoreNewest());
+    if (resume) {
+        ARS_TRY_STATUS(restoreNewest());
+        if (options_.onRestored) ARS_TRY_STATUS(options_.onRestored(task_.stepsDone()));
+    }
     keeper_.change([&](RunStatus& status) {
         status.note.clear();
         status.error.clear();
@@ -157,8 +168,9 @@ Status Run::restoreNewest() {
         const Status restored = restoreOne(*entry);
         if (!restored) {
             const Error& error = restored.error();
-            // Another checkpoint needs the same memory, and this one is not to blame.
-            for (const ErrorCode code : {ErrorCode::OutOfMemory, ErrorCode::Cancelled, ErrorCode::Unavailable}) {
+            // Another checkpoint needs the same memory or meets the same parameters, and this one is not to blame.
+            for (const ErrorCode code :
+                 {ErrorCode::OutOfMemory, ErrorCode::Cancelled, ErrorCode::Unavailable, ErrorCode::InvalidArgument}) {
                 if (error.code == code) return error;
             }
             logWarning("{}: does not restore, passed over: {}", entry->folder.string(), error.describe());
@@ -189,9 +201,8 @@ Result<Flow> Run::steps() {
             continue;
         }
         ARS_TRY_STATUS(oneStep());
-        if (task_.stepsDone() < task_.totalSteps() && wanted(options_.checkpointSteps)) {
-            ARS_TRY_STATUS(saveBetweenSteps(RunState::Running));
-        }
+        if (task_.stepsDone() >= task_.totalSteps()) break; // the last checkpoint and preview are finish's
+        if (wanted(options_.checkpointSteps)) ARS_TRY_STATUS(saveBetweenSteps(RunState::Running));
         if (wanted(options_.previewSteps)) preview();
     }
     ARS_TRY_STATUS(finish());

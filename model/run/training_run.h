@@ -32,7 +32,8 @@ public:
     /// One step; Failure names the culprit ("loss term l1 is not a number at step 812: ...").
     virtual Result<StepReport> step() = 0;
     /// Everything that the next step depends on, into an empty folder, and back. A failed restore may leave the task
-    /// half changed: another checkpoint is restored next, or the run ends. Saving changes nothing.
+    /// half changed: another checkpoint is restored next, or the run ends. InvalidArgument says that the checkpoint is
+    /// sound, but does not go with the task's parameters: no other is tried. Saving changes nothing.
     virtual Status save(const std::filesystem::path& folder) = 0;
     virtual Status restore(const std::filesystem::path& folder) = 0;
     /// Pictures for people, into an existing folder, names begin with the step. Changes nothing that steps depend on.
@@ -44,6 +45,8 @@ struct RunOptions {
     int previewSteps = 500;    ///< 0: none
     int metricsSteps = 1;
     CheckpointPolicy policy;
+    /// Called once a resume has restored its checkpoint, or found that there is none, with the step where it goes on.
+    std::function<Status(std::int64_t step)> onRestored;
 };
 
 /// What a person at a terminal, or SIGINT/SIGTERM, wants: read each step. SIGINT and SIGTERM: stop with a checkpoint.
@@ -60,7 +63,8 @@ using RunListener = std::function<void(const RunStatus&)>;
 /// and set aside, metrics are cut to it; a run without any checkpoint starts from its beginning.
 ///
 /// Every failure, exceptions of LibTorch and of memory included, ends in the state failed with one sentence that says
-/// which checkpoint is intact. A loss that is not a number is one, whether or not the task says so itself.
+/// which checkpoint is intact (but not while a new run loads: it has none). A loss that is not a number is one, whether
+/// or not the task says so itself.
 /// @return the last status (Finished, or Idle when stopped before the end, Paused never); an error after Failed was
 ///         written. After a discard the folder is gone and the status Idle.
 Result<RunStatus> runTraining(RunWriter& writer, TrainingTask& task, const RunOptions& options, bool resume,

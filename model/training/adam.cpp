@@ -5,6 +5,7 @@
 
 #include <ATen/ATen.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace ars {
@@ -71,7 +72,9 @@ Status Adam::step() {
     }
     at::NoGradGuard noGradient;
     for (Group& group : groups_) {
-        if (group.rate == 0.0) continue;
+        const bool moves = std::any_of(group.slots.begin(), group.slots.end(),
+                                       [](const Slot& slot) { return slot.leaf.tensor.grad().defined(); });
+        if (group.rate == 0.0 || !moves) continue;
         ++group.steps;
         const auto t = static_cast<double>(group.steps);
         const Coefficients c{static_cast<float>(beta1_), static_cast<float>(beta2_),
@@ -97,25 +100,34 @@ void Adam::store(SafetensorsFile& file) const {
     }
 }
 
-Status Adam::load(const SafetensorsFile& file) {
-    for (Group& group : groups_) {
-        const std::string key = "adam." + group.name + ".steps";
-        const auto found = file.metadata.find(key);
-        if (found == file.metadata.end()) return makeError(ErrorCode::BadFile, key, "is missing");
-        group.steps = std::atoll(found->second.c_str());
-        for (Slot& slot : group.slots) {
-            for (auto [ending, moment] : {std::pair{".m", &slot.first}, std::pair{".v", &slot.second}}) {
-                const std::string name = "adam." + slot.leaf.name + ending;
-                ARS_TRY(const Array* array, file.find(name));
-                ARS_TRY(const at::Tensor values, tensorFromArray(*array));
-                if (values.sizes() != moment->sizes()) {
-                    return makeError(ErrorCode::BadFile, name,
-                                     fmt::format("has {} numbers, expected {}", values.numel(), moment->numel()));
-                }
-                moment->copy_(values);
+Status Adam::loadGroup(const SafetensorsFile& file, Group& group) {
+    const std::string key = "adam." + group.name + ".steps";
+    const auto found = file.metadata.find(key);
+    const bool known =
+        found != file.metadata.end() || std::any_of(group.slots.begin(), group.slots.end(), [&](const Slot& slot) {
+            const std::string name = "adam." + slot.leaf.name;
+            return file.tensors.contains(name + ".m") || file.tensors.contains(name + ".v");
+        });
+    if (!known) return {};
+    if (found == file.metadata.end()) return makeError(ErrorCode::BadFile, key, "is missing");
+    group.steps = std::atoll(found->second.c_str());
+    for (Slot& slot : group.slots) {
+        for (auto [ending, moment] : {std::pair{".m", &slot.first}, std::pair{".v", &slot.second}}) {
+            const std::string name = "adam." + slot.leaf.name + ending;
+            ARS_TRY(const Array* array, file.find(name));
+            ARS_TRY(const at::Tensor values, tensorFromArray(*array));
+            if (values.sizes() != moment->sizes()) {
+                return makeError(ErrorCode::BadFile, name,
+                                 fmt::format("has {} numbers, expected {}", values.numel(), moment->numel()));
             }
+            moment->copy_(values);
         }
     }
+    return {};
+}
+
+Status Adam::load(const SafetensorsFile& file) {
+    for (Group& group : groups_) ARS_TRY_STATUS(loadGroup(file, group));
     return {};
 }
 

@@ -5,8 +5,11 @@
 
 #include <ATen/ATen.h>
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 
 namespace ars {
@@ -14,9 +17,12 @@ namespace {
 
 bool startsWith(std::string_view text, std::string_view start) { return text.substr(0, start.size()) == start; }
 
-/// Which group of rates a tensor of the networks belongs to.
-bool geometryTensor(std::string_view name) {
-    return startsWith(name, "geometry.") || startsWith(name, "position.") || startsWith(name, "other.");
+/// Which group of rates a tensor of the networks belongs to. The prior encoder's features go into every network: what
+/// moves them moves shape and materials alike.
+const char* groupOf(std::string_view name) {
+    if (startsWith(name, "prior_encoder.")) return "shared";
+    const bool geometry = startsWith(name, "geometry.") || startsWith(name, "position.") || startsWith(name, "other.");
+    return geometry ? "geometry" : "appearance";
 }
 
 Status takeTensor(const SafetensorsFile& file, const std::string& name, at::Tensor& into) {
@@ -30,7 +36,27 @@ Status takeTensor(const SafetensorsFile& file, const std::string& name, at::Tens
     return {};
 }
 
+Status takeLight(const SafetensorsFile& file, at::Tensor& lightLog) {
+    ARS_TRY(const Array* array, file.find("light.log"));
+    const auto side = static_cast<std::size_t>(lightLog.size(1));
+    if (array->shape.size() == 4 && array->shape[1] != side) {
+        return makeError(
+            ErrorCode::InvalidArgument, "light.cube_size",
+            fmt::format("is {} now, expected {} as the light that was learned so far has", side, array->shape[1]));
+    }
+    return takeTensor(file, "light.log", lightLog);
+}
+
 } // namespace
+
+Result<TrainingStage> stageOfState(const SafetensorsFile& state) {
+    const auto stage = state.metadata.find("stage");
+    if (stage == state.metadata.end()) return makeError(ErrorCode::BadFile, "stage", "is missing");
+    const auto name = std::find(kTrainingStageNames.begin(), kTrainingStageNames.end(), stage->second);
+    if (name != kTrainingStageNames.end()) return static_cast<TrainingStage>(name - kTrainingStageNames.begin());
+    return makeError(ErrorCode::BadFile, "stage",
+                     fmt::format("expected {}, found \"{}\"", fmt::join(kTrainingStageNames, ", "), stage->second));
+}
 
 TrainingStage stageOfStep(const ScheduleParams& schedule, std::int64_t step) {
     if (step < schedule.templateSteps) return TrainingStage::Template;
@@ -78,8 +104,12 @@ void LearnedState::store(SafetensorsFile& file) const {
 
 Status LearnedState::load(AvatarModel& saved, const SafetensorsFile& file) {
     if (saved.spec.network != model.spec.network || saved.maps.pixels != model.maps.pixels) {
-        return makeError(ErrorCode::BadFile, "",
+        return makeError(ErrorCode::InvalidArgument, "",
                          "was made with other networks or another template than this run has now");
+    }
+    if (saved.base.geometry.defined() && !model.base.geometry.defined()) {
+        return makeError(ErrorCode::InvalidArgument, "decoding.learn_base",
+                         "is off now, but was on: the base values that were learned would be lost; leave it on");
     }
     SafetensorsFile weights;
     saved.network->tensors().store(weights);
@@ -91,12 +121,13 @@ Status LearnedState::load(AvatarModel& saved, const SafetensorsFile& file) {
         model.base.colors.copy_(saved.base.colors);
     }
     ARS_TRY_STATUS(takeTensor(file, "radius_offsets", radiusOffsets));
-    return takeTensor(file, "light.log", lightLog);
+    return lightKnown ? Status() : takeLight(file, lightLog);
 }
 
 /// Texels are learned as logarithms: a sun and a grey wall then move at the same pace, and none becomes negative.
 Status createLearnedLight(const LightLearningParams& light, const FreezeParams& freeze, LearnedState& state) {
     const int side = light.cubeSize;
+    state.lightKnown = !light.file.empty();
     if (light.file.empty()) {
         state.lightLog = at::full({6, side, side, 3}, std::log(light.initial));
     } else {
@@ -104,19 +135,18 @@ Status createLearnedLight(const LightLearningParams& light, const FreezeParams& 
         ARS_TRY(const CubeMap cube, cubeFromLatLong(environment.picture, side));
         state.lightLog = tensorOf(std::span<const float>(cube.texels)).view({6, side, side, 3}).clamp_min(1e-6).log();
     }
-    state.lightLog = state.lightLog.contiguous().set_requires_grad(light.learn && !freeze.light);
+    state.lightLog = state.lightLog.contiguous().set_requires_grad(learnsLight(light, freeze));
     state.radiusOffsets = at::zeros({kBodyPartCount}).set_requires_grad(freeze.radii == RadiusTraining::Learned);
     return {};
 }
 
 Adam optimiserOf(const ScheduleParams& schedule, const LearnedState& state) {
     Adam adam(schedule.beta1, schedule.beta2);
-    std::vector<NetworkTensor> geometry, appearance;
+    std::map<std::string, std::vector<NetworkTensor>> networks;
     for (const NetworkTensor& tensor : state.model.network->tensors().all()) {
-        if (tensor.trainable) (geometryTensor(tensor.name) ? geometry : appearance).push_back(tensor);
+        if (tensor.trainable) networks[groupOf(tensor.name)].push_back(tensor);
     }
-    adam.addGroup("geometry", std::move(geometry));
-    adam.addGroup("appearance", std::move(appearance));
+    for (auto& [name, tensors] : networks) adam.addGroup(name, std::move(tensors));
     if (const SurfelBase& base = state.model.base; base.geometry.defined()) {
         adam.addGroup("base_geometry", {{"base.geometry", base.geometry}});
         adam.addGroup("base_appearance", {{"base.materials", base.materials}, {"base.colors", base.colors}});
@@ -132,6 +162,7 @@ double setRates(const TrainingConfig& config, TrainingStage stage, std::int64_t 
     const double network = share * (stage == TrainingStage::Pbr ? s.networkRatePbr : s.networkRate);
     adam.setRate("geometry", config.freeze.geometry ? 0.0 : network * s.geometryShare);
     adam.setRate("appearance", config.freeze.materials ? 0.0 : network);
+    adam.setRate("shared", config.freeze.geometry || config.freeze.materials ? 0.0 : network);
     const double base = share * s.baseRate;
     adam.setRate("base_geometry", config.freeze.geometry ? 0.0 : base * s.baseGeometryShare);
     adam.setRate("base_appearance", config.freeze.materials ? 0.0 : base);

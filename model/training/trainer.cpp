@@ -36,8 +36,7 @@ public:
         parallelFor(static_cast<std::size_t>(threadCount()), [](std::size_t) {}, 1);
         ARS_TRY_STATUS(validateTrainingConfig(config_));
         ARS_TRY_STATUS(reportProgress(progress, 0.0, "reading the capture"));
-        ARS_TRY(Capture capture, openCapture(sources_.capture));
-        capture_ = std::make_shared<const Capture>(std::move(capture));
+        ARS_TRY_STATUS(openSource(progress));
         ARS_TRY(split_, trainingSplit(*capture_, config_.cameras, config_.frames));
         ARS_TRY_STATUS(reportProgress(progress, 0.2, "reading body and template"));
         ARS_TRY_STATUS(createModel());
@@ -105,6 +104,17 @@ public:
     }
 
 private:
+    Status openSource(const ProgressFunction& progress) {
+        capture_ = sources_.opened;
+        if (capture_) return {};
+        const auto share = [&](double fraction, std::string_view what) {
+            return !progress || progress(0.2 * fraction, what);
+        };
+        ARS_TRY(Capture capture, openCapture(sources_.capture, share));
+        capture_ = std::make_shared<const Capture>(std::move(capture));
+        return {};
+    }
+
     Result<std::filesystem::path> templatePath() const {
         if (!sources_.templateFile.empty()) return sources_.templateFile;
         for (const char* name : {"template.npz", "template.glb", "template.ply", "template.obj"}) {
@@ -218,11 +228,13 @@ private:
     Status restoreFrom(AvatarModel& saved, const SafetensorsFile& state) {
         const auto number = state.metadata.find("step");
         if (number == state.metadata.end()) return makeError(ErrorCode::BadFile, "step", "is missing");
+        ARS_TRY(const TrainingStage stage, stageOfState(state));
         ARS_TRY_STATUS(state_.load(saved, state));
         done_ = std::atoll(number->second.c_str());
-        // Moments of a stage that is over are dropped as they would have been at its end.
+        // The stage of the last step, under the schedule of now. Under another one than it was made with, it may not be
+        // the one that the moments belong to: they then begin anew, as in every stage.
         enterStage(stageOfStep(config_.schedule, std::max<std::int64_t>(0, done_ - 1)));
-        return adam_.load(state);
+        return stage_ == stage ? adam_.load(state) : Status();
     }
 
     TrainerSources sources_;

@@ -11,6 +11,7 @@
 #include <bit>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <functional>
 #include <limits>
 
@@ -20,19 +21,21 @@ namespace {
 /// One struct of the configuration under its name: "schedule" of "schedule.radiance_steps".
 struct ConfigGroup {
     std::string name;
-    const std::vector<ParameterInfo>* infos = nullptr;
+    std::vector<ParameterInfo> infos;
     std::function<ParameterValue(const TrainingConfig&, std::string_view)> get;
     std::function<Status(TrainingConfig&, std::string_view, std::string_view)> setText;
     std::function<Status(TrainingConfig&, const nlohmann::json&, std::vector<std::string>&)> fromJson;
     std::function<Status(const TrainingConfig&)> checkRanges;
 };
 
-/// `find` gives the group's struct of a const or a mutable configuration.
+/// `find` gives the group's struct of a const or a mutable configuration; `ours` names a row that a training decides by
+/// itself: nobody sets it, and a configuration that names it is read all the same.
 template <typename Struct, typename Find>
-ConfigGroup group(std::string name, const ParameterTable<Struct>& table, Find find) {
+ConfigGroup group(std::string name, const ParameterTable<Struct>& table, Find find, std::string_view ours = "") {
     ConfigGroup result;
     result.name = name;
-    result.infos = &table.infos();
+    result.infos = table.infos();
+    std::erase_if(result.infos, [ours](const ParameterInfo& info) { return info.name == ours; });
     result.get = [&table, find](const TrainingConfig& config, std::string_view row) {
         return table.get(find(config), row).value();
     };
@@ -59,7 +62,8 @@ const std::vector<ConfigGroup>& configGroups() {
         group("data", trainingDataParameters(), [](auto& c) -> auto& { return c; }),
         group("network", avatarNetworkParameters(), [](auto& c) -> auto& { return c.network; }),
         group("decoding", decodingParameters(), [](auto& c) -> auto& { return c.decoding; }),
-        group("posing", poseSurfelsParameters(), [](auto& c) -> auto& { return c.posing; }),
+        group(
+            "posing", poseSurfelsParameters(), [](auto& c) -> auto& { return c.posing; }, "training_radii"),
         group("splat", splatParameters(), [](auto& c) -> auto& { return c.splat; }),
         group("occlusion", occlusionParameters(), [](auto& c) -> auto& { return c.occlusion; }),
         group("run", runParameters(), [](auto& c) -> auto& { return c.run; }),
@@ -227,7 +231,7 @@ Status checkLosses(const TrainingConfig& config) {
 
 Status checkLearning(const TrainingConfig& config) {
     const FreezeParams& freeze = config.freeze;
-    const bool light = config.light.learn && config.light.file.empty() && !freeze.light;
+    const bool light = learnsLight(config.light, freeze);
     const bool networks = !freeze.geometry || !freeze.materials;
     if (config.schedule.pbrSteps > 0 && !networks && !light && freeze.radii != RadiusTraining::Learned) {
         return invalid("freeze", "geometry, materials, light and radii all stay as they are: nothing is left to learn");
@@ -236,6 +240,10 @@ Status checkLearning(const TrainingConfig& config) {
 }
 
 } // namespace
+
+bool learnsLight(const LightLearningParams& light, const FreezeParams& freeze) {
+    return light.learn && light.file.empty() && !freeze.light;
+}
 
 std::vector<std::string> trainingPresetNames() {
     std::vector<std::string> names;
@@ -257,7 +265,7 @@ Result<TrainingConfig> trainingPreset(std::string_view name) {
 std::vector<ParameterInfo> trainingParameterInfos(const TrainingConfig& config) {
     std::vector<ParameterInfo> infos;
     for (const ConfigGroup& group : configGroups()) {
-        for (ParameterInfo info : *group.infos) {
+        for (ParameterInfo info : group.infos) {
             info.defaultValue = valueAsTyped(group, config, info.name);
             info.name = group.name + "." + info.name;
             infos.push_back(std::move(info));
@@ -271,7 +279,7 @@ Status setTrainingParameter(TrainingConfig& config, std::string_view name, std::
     for (const ConfigGroup& group : configGroups()) {
         if (dot == std::string_view::npos || group.name != name.substr(0, dot)) continue;
         const std::string_view row = name.substr(dot + 1);
-        const bool known = std::any_of(group.infos->begin(), group.infos->end(),
+        const bool known = std::any_of(group.infos.begin(), group.infos.end(),
                                        [&](const ParameterInfo& info) { return info.name == row; });
         if (!known) break;
         Status set = group.setText(config, row, text);
@@ -288,7 +296,7 @@ nlohmann::json trainingConfigToJson(const TrainingConfig& config) {
     nlohmann::json json{{"preset", config.preset}};
     for (const ConfigGroup& group : configGroups()) {
         nlohmann::json& object = json[group.name];
-        for (const ParameterInfo& info : *group.infos) {
+        for (const ParameterInfo& info : group.infos) {
             std::visit([&](const auto& value) { object[info.name] = value; }, valueAsTyped(group, config, info.name));
         }
     }
@@ -319,9 +327,18 @@ Result<TrainingConfig> trainingConfigFromJson(const nlohmann::json& json) {
             return atPlace(std::move(read).error(), item.key());
         }
         // A parameter that this version does not know would be trained without: the run would not be the one asked for.
-        if (!unknown.empty()) return atPlace(detail::unknownParameter(*group->infos, unknown.front()), item.key());
+        if (!unknown.empty()) return atPlace(detail::unknownParameter(group->infos, unknown.front()), item.key());
     }
     return config;
+}
+
+void makePathsAbsolute(TrainingConfig& config) {
+    for (std::string* path :
+         {&config.light.file, &config.loss.perceptualBackbone, &config.loss.perceptualHeads, &config.run.cacheFolder}) {
+        std::error_code failure;
+        if (path->empty()) continue;
+        if (const auto absolute = std::filesystem::absolute(*path, failure); !failure) *path = absolute.string();
+    }
 }
 
 Status validateTrainingConfig(const TrainingConfig& config) {

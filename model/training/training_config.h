@@ -69,7 +69,7 @@ struct LossParams {
 struct LightLearningParams {
     int cubeSize = 512;   ///< side of a face, a power of two >= 64
     double initial = 0.5; ///< grey radiance at the start
-    std::string file;     ///< a known light instead; "" = learned
+    std::string file;     ///< a known light instead, which nothing changes; "" = learned
     bool learn = true;
 
     bool operator==(const LightLearningParams&) const = default;
@@ -84,8 +84,8 @@ struct EnumWords<RadiusTraining> {
 
 /// What stays as it is.
 struct FreezeParams {
-    bool geometry = false; ///< networks and base of geometry
-    bool materials = false;
+    bool geometry = false;  ///< networks and base of geometry, and the prior encoder that all networks share
+    bool materials = false; ///< those of materials and colours, and the prior encoder
     bool light = false;
     RadiusTraining radii = RadiusTraining::Learned;
 
@@ -125,6 +125,9 @@ struct TrainingConfig {
     bool operator==(const TrainingConfig&) const = default;
 };
 
+/// Whether the PBR stage changes the light: one from a file is known, and stays what it is.
+bool learnsLight(const LightLearningParams& light, const FreezeParams& freeze);
+
 /// "paper", "studio", "compact", "tiny".
 Result<TrainingConfig> trainingPreset(std::string_view name);
 std::vector<std::string> trainingPresetNames();
@@ -135,6 +138,8 @@ std::vector<ParameterInfo> trainingParameterInfos(const TrainingConfig& config);
 Status setTrainingParameter(TrainingConfig& config, std::string_view name, std::string_view text);
 nlohmann::json trainingConfigToJson(const TrainingConfig& config);
 Result<TrainingConfig> trainingConfigFromJson(const nlohmann::json& json);
+/// Paths as the folder that the program works in makes them: a run goes on from any other, too.
+void makePathsAbsolute(TrainingConfig& config);
 /// InvalidArgument naming what does not go together (a size that is no power of two, no steps at all).
 Status validateTrainingConfig(const TrainingConfig& config);
 

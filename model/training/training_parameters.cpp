@@ -78,7 +78,7 @@ const ParameterTable<ScheduleParams>& scheduleParameters() {
          "",
          Advanced,
          "Cameras of one pose in a step; they share one evaluation of the networks."},
-        {"image_scale", &S::imageScale, {1, 16}, "", Basic, "Pictures are made so many times smaller."},
+        {"image_scale", &S::imageScale, {1, 8}, "", Basic, "Pictures are made so many times smaller."},
         {"band_pixels",
          &S::bandPixels,
          {0, 32},
@@ -210,7 +210,7 @@ const ParameterTable<LightLearningParams>& lightLearningParameters() {
     static const ParameterTable<L> table{
         {"cube_size", &L::cubeSize, {64, 2048}, "px", Advanced, "Side of a face of the learned light, a power of two."},
         {"initial", &L::initial, {0, 1000}, "", Advanced, "Grey radiance of the light at the start."},
-        {"file", &L::file, {}, "", Basic, "A known environment instead of a learned light."},
+        {"file", &L::file, {}, "", Basic, "A known environment instead of a learned light; it stays as it is."},
         {"learn", &L::learn, {}, "", Basic, "Learns the light in stage 2; off keeps it as it starts."},
     };
     return table;

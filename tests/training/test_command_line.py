@@ -1,5 +1,6 @@
 """`ars train` and `ars eval` as they are called: exit codes, requests, Ctrl-C, JSON, wrong usage, broken captures."""
 import json
+import pathlib
 import shutil
 import signal
 import struct
@@ -201,6 +202,37 @@ def ends_by_itself(run):
     assert len(runs.rows(run)) == step + 3
 
 
+def resumed_by_mistake(run):
+    """What does not go with the run is refused, and costs it nothing: afterwards it resumes as if nobody had asked."""
+    config, before = (run / "config.json").read_bytes(), runs.checkpoints(run)
+    for setting, words in (("network.max_channels=4", "other networks"),
+                           ("decoding.learn_base=false", "decoding.learn_base"),
+                           ("light.cube_size=128", "light.cube_size"),
+                           ("data.frames=5000", "5000")):
+        code, _, errors = runs.ars(*runs.train_arguments(run, None, (setting,)))
+        print(runs.failed(code, errors, words, f"the checkpoint of step {runs.newest(run)[0]} is intact"))
+        assert (run / "config.json").read_bytes() == config, f"{setting} would be the next resume's too"
+    for option in ("--preset", "--body", "--template"):
+        code, _, errors = runs.ars(*runs.train_arguments(run), option, "tiny")
+        wrong_usage(code, errors, option, "keeps its own")
+    for damage in (lambda p: p.write_text('{"sta'), lambda p: p.unlink()):
+        damage(run / "status.json")
+        code, _, errors = runs.ars("train", "--run", run, "--status")
+        runs.failed(code, errors, "status.json")
+        assert "finished after" in runs.succeed(*runs.train_arguments(run))
+    assert runs.checkpoints(run) == before and (run / "config.json").read_bytes() == config
+    runs.expect_none_broken(run)
+
+
+def from_other_folders(run, folder):
+    """A relative path means the same wherever the run goes on."""
+    (folder / "here").mkdir()
+    runs.succeed(*runs.train_arguments(run, None, ("run.cache_folder=cache",)), cwd=folder / "here")
+    runs.succeed(*runs.train_arguments(run), cwd=folder)
+    cache = json.loads((run / "config.json").read_text())["training"]["run"]["cache_folder"]
+    assert pathlib.Path(cache) == folder / "here" / "cache", cache
+
+
 def evaluated(run, capture, folder):
     out = folder / "report"
     report = json.loads(runs.succeed("eval", "--avatar", run, "--capture", capture, "--out", out, "--frames", "0",
@@ -221,6 +253,8 @@ def main():
         interrupted(run, signal.SIGINT)
         interrupted(run, signal.SIGTERM)
         ends_by_itself(run)
+        resumed_by_mistake(run)
+        from_other_folders(run, folder)
         evaluated(run, capture, folder)
 
 

@@ -15,13 +15,13 @@ def last_row(run):
     return found[-1]["step"] if found else 0
 
 
-def wait_while_loading(process, run, chance, load_s):
-    """Somewhere between the start of the program and the end of its loading."""
+def wait_while_loading(process, run, chance, longest_s):
+    """Somewhere between the start of the program and the end of its loading, if that lasts so long."""
     if chance.random() < 0.3:
         time.sleep(chance.uniform(0, 0.1))
         return
     runs.wait_for("loading", lambda: runs.status(run).get("process") == process.pid, process)
-    time.sleep(chance.uniform(0, 0.5 * min(load_s, 1.0)))
+    time.sleep(chance.uniform(0, longest_s))
 
 
 def wait_in_step(process, run, step, chance, step_s):
@@ -65,22 +65,32 @@ def killed_run(folder, capture, load_s, step_s):
     targets = sorted(chance.randrange(1, STEPS - 3) for _ in range(KILLS))
     met = {"killed": 0, "loading": 0, "saving": 0, "steps": 0, "after_checkpoint": 0, "redone": 0}
     opened = set()
+    # Loading is quicker than it was the first time: a kill that came after it is owed again, with less patience.
+    owed, longest_s = 0, 0.5 * min(load_s, 1.0)
     for i in range(KILLS):
+        owed += i % 5 == 0
+        for_loading = owed > 0
         resumable = (run / "config.json").exists()
         restores = newest = runs.newest(run)[0] if resumable else 0
         if newest == STEPS:
             break
         process = runs.start(*(runs.train_arguments(run) if resumable else
                                runs.train_arguments(run, capture, runs.SMALL)))
-        if i % 5 == 0:
-            wait_while_loading(process, run, chance, load_s)
+        if for_loading:
+            wait_while_loading(process, run, chance, longest_s)
         elif i % 4 == 2 and newest < STEPS - 8:
             wait_in_save(process, run, newest, chance)
         else:
             wait_in_step(process, run, min(STEPS - 2, max(targets[i], newest + 1 + i % 3)), chance, step_s)
-        told, step = runs.status(run), last_row(run)
+        with runs.standing_still(process):  # what it says of itself is what the kill meets
+            told, step = runs.status(run), last_row(run)
+            at_work = runs.kill(process)
         state = told["state"] if told.get("process") == process.pid else ""  # else the words of the one before
-        if not runs.kill(process):
+        if for_loading and at_work and state in ("", "loading"):
+            owed -= 1
+        elif for_loading:
+            longest_s /= 4
+        if not at_work:
             assert process.returncode == 0, runs.words_of(process)[-2000:]
             print(f"kill {i} came too late: the training had ended", flush=True)
             continue

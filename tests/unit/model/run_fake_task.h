@@ -13,6 +13,7 @@
 #include <random>
 #include <sstream>
 #include <thread>
+#include <vector>
 
 namespace ars::test {
 
@@ -25,6 +26,8 @@ public:
     std::size_t ballastBytes = 0;                          ///< makes checkpoints large
     std::function<Status(const ProgressFunction&)> onLoad; ///< instead of loading nothing
     std::function<Status(std::int64_t)> onStep;            ///< before a step; may fail or throw
+    std::function<Status()> onRestore;                     ///< before a checkpoint is restored
+    std::vector<std::int64_t> previews;                    ///< steps of which one was made
     std::function<double(std::int64_t, double)> loss = [](std::int64_t, double x) { return x; };
 
     Status load(const ProgressFunction& progress) override { return onLoad ? onLoad(progress) : Status(); }
@@ -50,6 +53,7 @@ public:
     }
 
     Status restore(const std::filesystem::path& folder) override {
+        if (onRestore) ARS_TRY_STATUS(onRestore());
         ARS_TRY(const std::string text, readTextFile(folder / "state.txt"));
         std::istringstream stream(text);
         std::string number;
@@ -63,6 +67,7 @@ public:
     }
 
     Status preview(const std::filesystem::path& folder) override {
+        previews.push_back(done_);
         return writeFileAtomic(folder / fmt::format("{:08}_view.png", done_), "picture");
     }
 

@@ -1,83 +1,19 @@
-#include "model/training/trainer.h"
-
-#include "engine/io/safetensors.h"
 #include "engine/surfel/splat.h"
 #include "model/avatar/avatar_model.h"
-#include "tests/unit/capture/synthetic_capture.h"
+#include "model/plugin.h"
+#include "tests/unit/model/trainer_support.h"
 
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 
-#include <cstring>
+#include <algorithm>
+
+extern "C" ars::ModelPlugin* arsModelPlugin();
 
 namespace ars {
 namespace {
 
-/// The smallest networks there are, a box as the person: what counts is that everything fits together.
-TrainingConfig smallConfig() {
-    TrainingConfig config = trainingPreset("tiny").value();
-    config.schedule.templateSteps = 2;
-    config.schedule.radianceSteps = 3;
-    config.schedule.pbrSteps = 3;
-    config.schedule.perceptualSize = 32;
-    config.schedule.perceptualCropAfter = 2; // within stage 1
-    config.network.maxChannels = 8;
-    config.network.styleSize = 16;
-    config.occlusion.interactiveDirections = 16;
-    return config;
-}
-
-class TrainerTest : public ::testing::Test {
-protected:
-    void SetUp() override {
-        folder_ =
-            std::filesystem::temp_directory_path() /
-            fmt::format("ars-trainer-{}-{}", getpid(), ::testing::UnitTest::GetInstance()->current_test_info()->name());
-        std::filesystem::remove_all(folder_);
-        test::SyntheticCapture capture;
-        capture.cameras = 2;
-        capture.frames = 2;
-        test::writeCapture(capture, folder_ / "capture");
-    }
-    void TearDown() override { std::filesystem::remove_all(folder_); }
-
-    std::unique_ptr<TrainingTask> trainer(const TrainingConfig& config) {
-        TrainerSources sources;
-        sources.capture = folder_ / "capture";
-        std::unique_ptr<TrainingTask> task = makeAvatarTrainer(sources, config);
-        const Status loaded = task->load({});
-        EXPECT_TRUE(loaded.ok()) << loaded.error().describe();
-        return task;
-    }
-    std::filesystem::path saved(TrainingTask& task, const std::string& name) {
-        std::filesystem::create_directories(folder_ / name);
-        const Status status = task.save(folder_ / name);
-        EXPECT_TRUE(status.ok()) << status.error().describe();
-        return folder_ / name;
-    }
-    static std::map<std::string, double> run(TrainingTask& task, int steps) {
-        std::map<std::string, double> last;
-        for (int i = 0; i < steps; ++i) {
-            const Result<StepReport> report = task.step();
-            EXPECT_TRUE(report.ok()) << report.error().describe();
-            if (!report) break;
-            last = report->values;
-        }
-        return last;
-    }
-    /// Names of tensors whose bytes differ.
-    static std::vector<std::string> differences(const std::filesystem::path& a, const std::filesystem::path& b) {
-        const SafetensorsFile first = readSafetensors(a).value(), second = readSafetensors(b).value();
-        std::vector<std::string> names;
-        EXPECT_EQ(first.tensors.size(), second.tensors.size());
-        for (const auto& [name, array] : first.tensors) {
-            if (array.bytes != second.tensors.at(name).bytes) names.push_back(name);
-        }
-        return names;
-    }
-
-    std::filesystem::path folder_;
-};
+using test::smallConfig;
+using test::TrainerTest;
 
 TEST_F(TrainerTest, PassesThroughItsThreeStagesAndTheAvatarOpens) {
     const auto task = trainer(smallConfig());
@@ -148,6 +84,51 @@ TEST_F(TrainerTest, RadianceLossFallsAndFrozenPartsStay) {
     EXPECT_TRUE(appearance);
 }
 
+TEST_F(TrainerTest, WhatIsFrozenDecodesToTheSameThoughItSharesThePriorEncoder) {
+    for (const NetworkSplit split : {NetworkSplit::Two, NetworkSplit::Four}) {
+        for (const bool geometry : {true, false}) {
+            TrainingConfig config = smallConfig();
+            config.schedule.templateSteps = 0;
+            config.schedule.radianceSteps = config.schedule.pbrSteps = 2;
+            config.loss.radianceInPbr = 0.5;
+            config.network.split = split;
+            config.network.zeroOutputs = false; // else the encoder's features reach no output in so few steps
+            (geometry ? config.freeze.geometry : config.freeze.materials) = true;
+            const std::string name = fmt::format("{}{}", geometry, split == NetworkSplit::Two);
+            const auto task = trainer(config);
+            const Surfels before = test::surfelsOf(saved(*task, "before" + name));
+            run(*task, 4);
+            const Surfels after = test::surfelsOf(saved(*task, "after" + name));
+            EXPECT_EQ(before.means == after.means, geometry);
+            EXPECT_EQ(before.rotations == after.rotations, geometry);
+            EXPECT_EQ(before.scales == after.scales, geometry);
+            EXPECT_EQ(before.opacities == after.opacities, geometry);
+            EXPECT_EQ(before.albedos == after.albedos, !geometry);
+            EXPECT_EQ(before.roughnesses == after.roughnesses, !geometry);
+            EXPECT_EQ(before.colors == after.colors, !geometry);
+        }
+    }
+}
+
+TEST_F(TrainerTest, AKnownLightStaysTheFilesOwn) {
+    TrainingConfig config = smallConfig();
+    config.schedule.templateSteps = config.schedule.radianceSteps = 0;
+    config.schedule.pbrSteps = 2;
+    config.light.file = test::writeSky(folder_ / "sky.exr", 3.0f, 0.25f);
+    const auto task = trainer(config);
+    const std::filesystem::path before = saved(*task, "before");
+    run(*task, 2);
+    const std::filesystem::path after = saved(*task, "after");
+    const auto differ = differences(before / "trainer.safetensors", after / "trainer.safetensors");
+    EXPECT_EQ(std::count(differ.begin(), differ.end(), "light.log"), 0);
+    EXPECT_EQ(std::count(differ.begin(), differ.end(), "radius_offsets"), 1) << "nothing was learned at all";
+    const Result<AvatarModel> model = readAvatar(after);
+    ASSERT_TRUE(model.ok()) << model.error().describe();
+    const auto& texels = model->light->texels;
+    EXPECT_NEAR(*std::max_element(texels.begin(), texels.end()), 3.0f, 1e-4f);
+    EXPECT_NEAR(*std::min_element(texels.begin(), texels.end()), 0.25f, 1e-4f);
+}
+
 TEST_F(TrainerTest, RadiiMayStayFixedOrOcclusionBeLeftOut) {
     for (const RadiusTraining radii : {RadiusTraining::Fixed, RadiusTraining::Off}) {
         TrainingConfig config = smallConfig();
@@ -182,14 +163,23 @@ TEST_F(TrainerTest, NumbersThatAreNoneAreNamedWithTheirStep) {
     FAIL() << "thirty steps at a rate of 1e30 went well";
 }
 
-TEST_F(TrainerTest, ACheckpointOfOtherNetworksIsRefused) {
-    const auto task = trainer(smallConfig());
-    const std::filesystem::path checkpoint = saved(*task, "a");
-    TrainingConfig other = smallConfig();
-    other.network.maxChannels = 4;
-    const Status status = trainer(other)->restore(checkpoint);
-    ASSERT_FALSE(status.ok());
-    EXPECT_NE(status.error().describe().find("other networks"), std::string::npos) << status.error().describe();
+TEST_F(TrainerTest, AStopIsHeardWhileTheCaptureIsOpened) {
+    TrainerSources sources;
+    sources.capture = folder_ / "capture";
+    const auto task = makeAvatarTrainer(sources, smallConfig());
+    const Status loaded = task->load([](double, std::string_view what) { return what != "listing pictures"; });
+    ASSERT_FALSE(loaded.ok());
+    EXPECT_EQ(loaded.error().code, ErrorCode::Cancelled) << loaded.error().describe();
+
+    // Of a new run there is nothing yet.
+    TrainRequest request;
+    request.capture = sources.capture;
+    request.run = folder_ / "run";
+    request.preset = "tiny";
+    const auto stopped = arsModelPlugin()->train(request, true, {});
+    ASSERT_FALSE(stopped.ok());
+    EXPECT_EQ(stopped.error().code, ErrorCode::Cancelled) << stopped.error().describe();
+    EXPECT_FALSE(std::filesystem::exists(request.run));
 }
 
 TEST_F(TrainerTest, BrokenAvatarFilesAreNamed) {

@@ -1,10 +1,13 @@
 #include "model/training/training_config.h"
 
+#include "engine/capture/capture.h"
+
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <filesystem>
 #include <set>
 
 namespace ars {
@@ -124,6 +127,54 @@ TEST(TrainingConfig, SettingsNameTheirMistake) {
     EXPECT_NE(failure("preset", "paper"), "");
     EXPECT_NE(failure("l1", "1"), "");
     EXPECT_TRUE(config == preset("tiny")) << "nothing changes by mistake";
+}
+
+TEST(TrainingConfig, PicturesAreMadeAsSmallAsTheReaderMakesThem) {
+    TrainingConfig config = preset("tiny");
+    for (const int scale : {1, 8, 9, 16}) {
+        ViewOptions view;
+        view.scale = scale;
+        EXPECT_EQ(setTrainingParameter(config, "schedule.image_scale", fmt::format("{}", scale)).ok(),
+                  validateViewOptions(view).ok())
+            << scale;
+    }
+}
+
+TEST(TrainingConfig, WhatATrainingDecidesByItselfIsNoParameter) {
+    TrainingConfig config = preset("tiny");
+    EXPECT_FALSE(setTrainingParameter(config, "posing.training_radii", "true").ok());
+    EXPECT_FALSE(trainingConfigToJson(config)["posing"].contains("training_radii"));
+    // Configurations that were written when it was one are read.
+    EXPECT_TRUE(trainingConfigFromJson({{"preset", "tiny"}, {"posing", {{"training_radii", true}}}}).ok());
+}
+
+TEST(TrainingConfig, AKnownLightIsNotLearned) {
+    TrainingConfig config = preset("tiny");
+    EXPECT_TRUE(learnsLight(config.light, config.freeze));
+    config.light.file = "sky.exr";
+    EXPECT_FALSE(learnsLight(config.light, config.freeze));
+    config.freeze = {true, true, false, RadiusTraining::Fixed};
+    EXPECT_NE(failureOf(config).find("nothing is left to learn"), std::string::npos);
+    config.light.file.clear();
+    EXPECT_EQ(failureOf(config), "");
+}
+
+TEST(TrainingConfig, PathsBecomeThoseOfTheWorkingFolder) {
+    TrainingConfig config = preset("tiny");
+    makePathsAbsolute(config);
+    EXPECT_TRUE(config == preset("tiny")) << "what is empty stays empty";
+    for (const char* name : {"light.file", "loss.perceptual_backbone", "loss.perceptual_heads", "run.cache_folder"}) {
+        ASSERT_TRUE(setTrainingParameter(config, name, std::string("lights/") + name).ok());
+    }
+    makePathsAbsolute(config);
+    const std::string here = std::filesystem::current_path().string() + "/lights/";
+    EXPECT_EQ(config.light.file, here + "light.file");
+    EXPECT_EQ(config.loss.perceptualBackbone, here + "loss.perceptual_backbone");
+    EXPECT_EQ(config.loss.perceptualHeads, here + "loss.perceptual_heads");
+    EXPECT_EQ(config.run.cacheFolder, here + "run.cache_folder");
+    const TrainingConfig before = config;
+    makePathsAbsolute(config);
+    EXPECT_TRUE(config == before);
 }
 
 TEST(TrainingConfig, JsonMayLeaveOutButNotInvent) {

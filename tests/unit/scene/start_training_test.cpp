@@ -56,5 +56,22 @@ TEST(StartTraining, RunsAtNiceFiveWithEverythingThatItStarts) {
     EXPECT_EQ(::getpriority(PRIO_PROCESS, 0), own) << "this program stays as it is";
 }
 
+TEST(StartTraining, ARunWithADamagedStatusGoesOn) {
+    const test::TemporaryFolder folder;
+    setTrainingProgram("/bin/true");
+    TrainingStart start;
+    start.run = folder / "run";
+    start.resume = true;
+    fs::create_directories(start.run);
+    EXPECT_FALSE(startTraining(start).ok()) << "no run yet";
+    std::ofstream(start.run / kRunConfigFile) << "{}\n";
+    std::ofstream(start.run / kRunStatusFile) << "{\"sta";
+    auto training = startTraining(start);
+    setTrainingProgram({});
+    ASSERT_TRUE(training.ok()) << training.error().describe();
+    ASSERT_TRUE(training->wait(60s));
+    EXPECT_EQ(training->exitCode(), 0);
+}
+
 } // namespace
 } // namespace ars
