@@ -25,19 +25,12 @@ Result<LoadedAvatar> loadTrained(const std::string& source, const ProgressFuncti
 
 } // namespace
 
-void offerTrainedAvatars() {
-    setTrainedAvatarOpener([](const std::filesystem::path& folder, bool project) -> Result<OpenedTrainedAvatar> {
-        ARS_TRY(ModelPlugin * model, loadModel());
-        ARS_TRY(OpenedAvatar opened, model->openAvatar(folder, project));
-        OpenedTrainedAvatar result;
-        result.evaluator = std::move(opened.evaluator);
-        result.radii = opened.radii;
-        result.light = std::move(opened.light);
-        result.splat = opened.splat;
-        result.preset = std::move(opened.preset);
-        result.origin = std::move(opened.origin);
-        return result;
-    });
+void offerTrainedAvatars(AvatarPrecision precision) {
+    setTrainedAvatarOpener(
+        [precision](const std::filesystem::path& folder, bool project) -> Result<OpenedTrainedAvatar> {
+            ARS_TRY(ModelPlugin * model, loadModel());
+            return model->openAvatar(folder, project, precision);
+        });
 }
 
 bool isAvatarSetting(const std::string& setting) { return setting.starts_with(kSettingPrefix); }

@@ -4,6 +4,7 @@
 #include "engine/frame/avatar_evaluator.h"
 #include "engine/frame/rest_avatar.h"
 #include "engine/scene/trained_avatar.h"
+#include "model/plugin.h"
 
 #include <memory>
 #include <optional>
@@ -20,7 +21,7 @@ struct LoadedAvatar {
 };
 
 /// Lets documents and loadAvatar open trained avatars: model/ and with it LibTorch are loaded when the first is opened.
-void offerTrainedAvatars();
+void offerTrainedAvatars(AvatarPrecision precision = AvatarPrecision::Exact);
 
 /// `rest:TEMPLATE` or `rest:open`: surfels straight from a skinned mesh; else a trained avatar: NAME.avatar, a run (its
 /// newest checkpoint) or a checkpoint. Errors' place is --avatar for what is no avatar.

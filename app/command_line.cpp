@@ -84,7 +84,12 @@ void addFrameChoice(CLI::App& command, std::size_t& poseFrame, std::string& fram
 
 void addExport(CLI::App& app, Arguments& arguments) {
     ExportOptions& options = arguments.exported;
-    CLI::App& command = *app.add_subcommand("export", "Write a posed body or template as OBJ, glb, PLY or npz");
+    CLI::App& command =
+        *app.add_subcommand("export", "Write a posed body or template as OBJ, glb, PLY or npz, or a NAME.avatar");
+    command
+        .add_option("--avatar", options.avatar,
+                    "Instead of a mesh what a training learned: a run (its newest checkpoint), a checkpoint, an avatar")
+        ->type_name("A");
     command.add_option("--body", options.body, "Body: open (the one that comes along, default) or an SMPL-X style npz")
         ->type_name("open|FILE");
     command
@@ -103,7 +108,9 @@ void addExport(CLI::App& app, Arguments& arguments) {
         ->type_name("FILE");
     addFrameChoice(command, options.frame, options.frames);
     addMotionOptions(command, options.map, options.up, options.framesPerSecond);
-    command.add_option("--out", options.out, "File to write; its ending chooses the format: .obj .glb .ply .npz")
+    command
+        .add_option("--out", options.out,
+                    "File to write; its ending chooses the format: .obj .glb .ply .npz; .avatar with --avatar")
         ->type_name("FILE")
         ->required();
     addOutputOptions(command, arguments);
@@ -145,7 +152,8 @@ void addFrameOptions(CLI::App& command, FrameOptions& options) {
         ->group("Frame");
     command
         .add_option("--occlusion", options.occlusion,
-                    "Ambient occlusion: body (default), reference, mesh_rays, rasterised, baked, off")
+                    "Ambient occlusion: body, reference, mesh_rays, rasterised, baked, off; by default as a trained "
+                    "avatar was trained, else body")
         ->type_name("METHOD")
         ->group("Frame");
     command

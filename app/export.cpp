@@ -1,6 +1,7 @@
 #include "app/export.h"
 
 #include "app/interrupt.h"
+#include "app/model_loader.h"
 #include "app/progress_bar.h"
 #include "app/rig_source.h"
 #include "app/text.h"
@@ -289,11 +290,45 @@ Status exportSubject(const ExportOptions& options, ProgressBar& bar) {
     return {};
 }
 
+Status checkAvatarOptions(const ExportOptions& options) {
+    for (const auto& [option, value] : {std::pair{"--body", options.body},
+                                        {"--template", options.templateFile},
+                                        {"--betas", options.betas},
+                                        {"--expression", options.expression},
+                                        {"--pose", options.pose},
+                                        {"--motion", options.motion},
+                                        {"--frames", options.frames}}) {
+        if (!value.empty()) return wrongUsage(option, "is for meshes; --avatar writes the avatar as it is");
+    }
+    fs::path name = options.out;
+    if (!name.has_filename()) name = name.parent_path();
+    if (name.extension() != ".avatar" || name.stem().empty()) {
+        return wrongUsage("--out",
+                          fmt::format("expected NAME.avatar for an avatar, found \"{}\"", printable(options.out)));
+    }
+    return {};
+}
+
+/// What a training learned, as a folder of its own.
+Status exportTrainedAvatar(const ExportOptions& options, ProgressBar& bar) {
+    ARS_TRY_STATUS(checkAvatarOptions(options));
+    ARS_TRY_STATUS(reportProgress(bar.function(), 0.0, "reading the avatar"));
+    ARS_TRY(ModelPlugin* const model, loadModel());
+    ARS_TRY_STATUS(model->exportAvatar(options.avatar, options.out));
+    bar.clear();
+    if (options.output.json) {
+        printJson({{"avatar", options.out}});
+    } else {
+        fmt::print("{}\n", printable(options.out));
+    }
+    return {};
+}
+
 } // namespace
 
 int runExport(const ExportOptions& options) {
     ProgressBar bar(options.output.quiet);
-    const Status status = exportSubject(options, bar);
+    const Status status = options.avatar.empty() ? exportSubject(options, bar) : exportTrainedAvatar(options, bar);
     bar.clear();
     return status.ok() ? kSuccess : reportError(status.error(), options.output);
 }

@@ -8,7 +8,8 @@
 namespace ars::app {
 
 struct ExportOptions {
-    std::string body; ///< "open" or a file; empty: "open"
+    std::string avatar; ///< a trained avatar, a run or a checkpoint: NAME.avatar is written instead of a mesh
+    std::string body;   ///< "open" or a file; empty: "open"
     std::string templateFile;
     std::string betas;      ///< numbers with commas, or "motion"
     std::string expression; ///< numbers with commas
@@ -23,7 +24,8 @@ struct ExportOptions {
     OutputOptions output;
 };
 
-/// `ars export`: a posed body or template as OBJ, PLY, npz or glb, a motion as numbered files or as a glb's animation.
+/// `ars export`: a posed body or template as OBJ, PLY, npz or glb, a motion as numbered files or as a glb's animation;
+/// with --avatar what a training learned as a folder NAME.avatar.
 int runExport(const ExportOptions& options);
 
 } // namespace ars::app

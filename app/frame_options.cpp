@@ -57,11 +57,13 @@ Status applyOcclusion(const std::string& word, OcclusionSettings& occlusion) {
     } methods[] = {{"body", OcclusionMethod::ScreenSpace},   {"reference", OcclusionMethod::ScreenSpace},
                    {"mesh_rays", OcclusionMethod::MeshRays}, {"rasterised", OcclusionMethod::Rasterised},
                    {"baked", OcclusionMethod::Baked},        {"off", OcclusionMethod::Off}};
+    if (word.empty()) return {};
     std::vector<std::string> words;
     for (const auto& method : methods) {
         words.push_back(method.word);
         if (word != method.word) continue;
         occlusion.method = method.method;
+        if (word == "body") occlusion.screenSpace = bodyOcclusion();
         if (word == "reference") occlusion.screenSpace = referenceOcclusion();
         return {};
     }

@@ -13,7 +13,7 @@ namespace ars::app {
 /// What render, stage and bench have in common: how a frame is made, as the command line says it.
 struct FrameOptions {
     std::string device = "auto";
-    std::string occlusion = "body";    ///< body, reference, mesh_rays, rasterised, baked, off
+    std::string occlusion;             ///< body, reference, mesh_rays, rasterised, baked, off; empty: the avatar's own
     std::vector<std::string> settings; ///< --set GROUP.NAME=VALUE
     std::string radius;                ///< metres, one for all parts; or PART=METRES with commas
 };

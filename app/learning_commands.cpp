@@ -37,7 +37,9 @@ CLI::App& addEval(CLI::App& app, EvalOptions& options) {
     command.add_option("--capture", options.capture, "Folder of the capture, or of several")
         ->type_name("DIR")
         ->required();
-    command.add_option("--split", options.split, "all (default), train, or a published split of the subject")
+    command
+        .add_option("--split", options.split,
+                    "all, train, or a published split of the subject; by default the protocol's, else all")
         ->type_name("S");
     command.add_option("--protocol", options.protocol, "ag, heldout or masked (default)")->type_name("P");
     command.add_option("--cameras", options.cameras, "Names or indices, with commas and ranges")->type_name("LIST");

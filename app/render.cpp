@@ -198,6 +198,9 @@ Result<RenderPlan> makePlan(const RenderOptions& options, ProgressBar& bar) {
     if (loaded.trained) { // what was asked for comes before what was learned
         plan.inputs.radii = plan.initialRadii = loaded.trained->radii;
         plan.inputs.splat = loaded.trained->splat;
+        plan.inputs.posing = loaded.trained->posing;
+        plan.inputs.occlusion.screenSpace = loaded.trained->occlusion;
+        if (!loaded.trained->occluded) plan.inputs.occlusion.method = OcclusionMethod::Off;
         ARS_TRY_STATUS(applyFrameOptions(frame, plan.inputs));
     }
     plan.restOptions = loaded.options;

@@ -30,7 +30,7 @@ bool displayIsThere() {
 namespace {
 
 Status openStudio(const StudioOptions& options) {
-    offerTrainedAvatars();
+    offerTrainedAvatars(AvatarPrecision::Quick);
     ui::WindowStart start;
     for (const std::string& file : options.files) {
         std::error_code error;

@@ -2,8 +2,11 @@
 
 #include "engine/capture/capture.h"
 #include "engine/frame/rest_avatar.h"
+#include "engine/io/utf8.h"
 #include "model/avatar/avatar_model.h"
+#include "model/avatar/avatar_preview.h"
 #include "model/evaluation/evaluation.h"
+#include "model/run/run_failure.h"
 #include "model/run/training_run.h"
 #include "model/training/trainer.h"
 #include "model/training/training_config.h"
@@ -15,21 +18,6 @@
 namespace {
 
 using namespace ars;
-
-/// NAME.avatar/, a checkpoint, or the newest checkpoint of a run.
-Result<std::filesystem::path> avatarFolder(const std::filesystem::path& path) {
-    if (std::filesystem::exists(path / "avatar.json")) return path;
-    if (looksLikeRunFolder(path)) {
-        ARS_TRY(const std::vector<CheckpointEntry> checkpoints, listCheckpoints(path));
-        if (checkpoints.empty()) {
-            return makeError(ErrorCode::NotFound, path.string(), "is a run without a checkpoint yet");
-        }
-        return checkpoints.back().folder;
-    }
-    if (!std::filesystem::exists(path)) return makeError(ErrorCode::NotFound, path.string(), "does not exist");
-    return makeError(ErrorCode::BadFile, path.string(),
-                     "is no avatar: expected a folder with avatar.json, a run or one of its checkpoints");
-}
 
 Result<EvaluationProtocol> evaluationProtocol(const std::string& word) {
     if (word == "ag") return EvaluationProtocol::Ag;
@@ -70,7 +58,20 @@ Status applySettings(const TrainRequest& request, TrainingConfig& config) {
     return validateTrainingConfig(config);
 }
 
+/// config.json names the files in UTF-8: a run on others could never be resumed.
+Status checkNames(const TrainRequest& request) {
+    for (const std::filesystem::path& path : {request.capture, request.body, request.templateFile, request.run}) {
+        if (path.empty()) continue;
+        const std::string name = std::filesystem::absolute(path).string();
+        if (isUtf8(name)) continue;
+        return makeError(ErrorCode::InvalidArgument, name,
+                         "expected a path in UTF-8, as the run's config.json holds it; rename the folder");
+    }
+    return {};
+}
+
 Result<PreparedRun> prepareNewRun(const TrainRequest& request, const std::atomic<bool>& stop) {
+    ARS_TRY_STATUS(checkNames(request));
     PreparedRun run;
     run.sources = {std::filesystem::absolute(request.capture),
                    request.body.empty() ? request.body : std::filesystem::absolute(request.body),
@@ -88,6 +89,7 @@ Result<PreparedRun> prepareNewRun(const TrainRequest& request, const std::atomic
 }
 
 Result<PreparedRun> prepareResume(const TrainRequest& request) {
+    ARS_TRY_STATUS(checkNames(request));
     PreparedRun run;
     ARS_TRY(const nlohmann::json json, readRunConfig(request.run));
     const std::string place = (request.run / kRunConfigFile).string();
@@ -111,23 +113,21 @@ Result<EvaluatedAvatar> restAvatarOf(const std::string& source, const ProgressFu
     return avatar;
 }
 
+NetworkPrecision networkPrecision(AvatarPrecision precision) {
+    const bool quick = precision == AvatarPrecision::Quick && hasNativeBFloat16();
+    return quick ? NetworkPrecision::BFloat16 : NetworkPrecision::Float32;
+}
+
 class Plugin final : public ModelPlugin {
 public:
     TorchInfo initialize() override { return initializeTorch(); }
     TorchSpeed measureSpeed(int repetitions) override { return measureTorchSpeed(repetitions); }
 
-    Result<OpenedAvatar> openAvatar(const std::filesystem::path& path, bool project) override {
-        initializeTorch();
-        ARS_TRY(const std::filesystem::path folder, avatarFolder(path));
-        ARS_TRY(AvatarModel model, readAvatar(folder));
-        OpenedAvatar opened;
-        opened.radii = learnedRadii(model.spec);
-        opened.light = model.light;
-        opened.splat = model.spec.splat;
-        opened.preset = model.spec.preset;
-        opened.origin = model.spec.origin;
-        opened.evaluator = makeTrainedAvatar(std::move(model), project);
-        return opened;
+    Result<OpenedTrainedAvatar> openAvatar(const std::filesystem::path& folder, bool project,
+                                           AvatarPrecision precision) override {
+        return withoutExceptions<Result<OpenedTrainedAvatar>>(folder.string(), [&]() -> Result<OpenedTrainedAvatar> {
+            return openUnguarded(folder, project, precision);
+        });
     }
 
     Result<RunStatus> train(const TrainRequest& request, const std::atomic<bool>& stop,
@@ -155,6 +155,44 @@ public:
     }
 
     Result<nlohmann::ordered_json> evaluate(const EvalRequest& request, const ProgressFunction& progress) override {
+        return withoutExceptions<Result<nlohmann::ordered_json>>(
+            "evaluation", [&]() -> Result<nlohmann::ordered_json> { return evaluateUnguarded(request, progress); });
+    }
+
+    Result<std::vector<ParameterInfo>> trainingParameters(const std::string& preset) override {
+        ARS_TRY(const TrainingConfig config, trainingPreset(preset));
+        return trainingParameterInfos(config);
+    }
+
+    Status exportAvatar(const std::filesystem::path& source, const std::filesystem::path& folder) override {
+        return withoutExceptions<Status>("export", [&]() -> Status {
+            initializeTorch();
+            ARS_TRY(const std::filesystem::path from, trainedAvatarFolder(source));
+            ARS_TRY(const AvatarModel model, readAvatar(from));
+            ARS_TRY(const Image preview, avatarPreview(model));
+            return writeAvatar(folder, model, preview);
+        });
+    }
+
+private:
+    static Result<OpenedTrainedAvatar> openUnguarded(const std::filesystem::path& folder, bool project,
+                                                     AvatarPrecision precision) {
+        initializeTorch();
+        ARS_TRY(AvatarModel model, readAvatar(folder));
+        OpenedTrainedAvatar opened;
+        opened.radii = learnedRadii(model.spec);
+        opened.light = model.light;
+        opened.splat = model.spec.splat;
+        opened.occluded = model.spec.occluded;
+        opened.occlusion = shownOcclusion(model.spec);
+        opened.posing = shownPosing(model.spec);
+        opened.preset = model.spec.preset;
+        opened.origin = model.spec.origin;
+        opened.evaluator = makeTrainedAvatar(std::move(model), project, networkPrecision(precision));
+        return opened;
+    }
+
+    Result<nlohmann::ordered_json> evaluateUnguarded(const EvalRequest& request, const ProgressFunction& progress) {
         ARS_TRY(const EvaluatedAvatar avatar, evaluatedAvatar(request, progress));
         EvaluationOptions options;
         ARS_TRY(options.protocol, evaluationProtocol(request.protocol));
@@ -169,18 +207,6 @@ public:
         return evaluateAvatar(avatar, request.capture, options, progress);
     }
 
-    Result<std::vector<ParameterInfo>> trainingParameters(const std::string& preset) override {
-        ARS_TRY(const TrainingConfig config, trainingPreset(preset));
-        return trainingParameterInfos(config);
-    }
-
-    Status exportAvatar(const std::filesystem::path& checkpoint, const std::filesystem::path& folder) override {
-        ARS_TRY(const std::filesystem::path source, avatarFolder(checkpoint));
-        ARS_TRY(const AvatarModel model, readAvatar(source));
-        return writeAvatar(folder, model, {});
-    }
-
-private:
     Result<EvaluatedAvatar> evaluatedAvatar(const EvalRequest& request, const ProgressFunction& progress) {
         constexpr std::string_view kRest = "rest:";
         const std::string name = request.avatar.string();
@@ -188,11 +214,17 @@ private:
         if (name.starts_with(kRest)) {
             ARS_TRY(avatar, restAvatarOf(name.substr(kRest.size()), progress));
         } else {
-            ARS_TRY(const OpenedAvatar opened, openAvatar(request.avatar, request.project));
+            ARS_TRY(const OpenedTrainedAvatar opened,
+                    openTrainedAvatar(request.avatar, request.project, [this](const auto& folder, bool project) {
+                        return openAvatar(folder, project);
+                    }));
             avatar.evaluator = opened.evaluator;
             avatar.radii = opened.radii;
             avatar.light = opened.light;
             avatar.splat = opened.splat;
+            avatar.occlude = opened.occluded;
+            avatar.occlusion = opened.occlusion;
+            avatar.posing = opened.posing;
         }
         avatar.name = name;
         return avatar;

@@ -2,11 +2,8 @@
 
 #include "engine/core/error.h"
 #include "engine/core/progress.h"
-#include "engine/frame/avatar_evaluator.h"
-#include "engine/light/cube_map.h"
 #include "engine/scene/run_folder.h"
-#include "engine/surfel/pose_surfels.h"
-#include "engine/surfel/splat.h"
+#include "engine/scene/trained_avatar.h"
 #include "model/runtime.h"
 
 #include <nlohmann/json_fwd.hpp>
@@ -22,15 +19,9 @@
 
 namespace ars {
 
-/// A trained avatar (NAME.avatar/ or a checkpoint of a run) as the rest of the program uses it.
-struct OpenedAvatar {
-    std::shared_ptr<AvatarEvaluator> evaluator;
-    PartRadii radii{};            ///< learned
-    std::optional<CubeMap> light; ///< learned or given in training
-    SplatParams splat;
-    std::string preset;
-    std::string origin;
-};
+/// What an avatar's networks compute in. Quick: bfloat16 where the CPU multiplies it natively, else as Exact. For
+/// people who wait for a picture; files and figures are Exact.
+enum class AvatarPrecision { Exact, Quick };
 
 /// One call of `ars train`.
 struct TrainRequest {
@@ -48,7 +39,7 @@ struct EvalRequest {
     std::filesystem::path avatar; ///< NAME.avatar/, a run (its newest checkpoint), a checkpoint
     std::filesystem::path capture;
     std::filesystem::path out;
-    std::string split = "all";
+    std::string split; ///< empty: the protocol's
     std::string protocol = "masked";
     std::string cameras, frames;
     std::filesystem::path light;
@@ -65,15 +56,18 @@ public:
     virtual TorchInfo initialize() = 0;
     virtual TorchSpeed measureSpeed(int repetitions) = 0;
 
-    virtual Result<OpenedAvatar> openAvatar(const std::filesystem::path& path, bool project) = 0;
+    /// NAME.avatar/ or a checkpoint, as TrainedAvatarOpener has it.
+    virtual Result<OpenedTrainedAvatar> openAvatar(const std::filesystem::path& folder, bool project,
+                                                   AvatarPrecision precision) = 0;
     /// Trains until the end, a request or `stop`; the last status.
     virtual Result<RunStatus> train(const TrainRequest& request, const std::atomic<bool>& stop,
                                     const std::function<void(const RunStatus&)>& listener) = 0;
     virtual Result<nlohmann::ordered_json> evaluate(const EvalRequest& request, const ProgressFunction& progress) = 0;
     /// Rows of `ars train --help-parameters`.
     virtual Result<std::vector<ParameterInfo>> trainingParameters(const std::string& preset) = 0;
-    /// A NAME.avatar/ of a run's checkpoint.
-    virtual Status exportAvatar(const std::filesystem::path& checkpoint, const std::filesystem::path& folder) = 0;
+    /// NAME.avatar/ of an avatar, a run (its newest checkpoint) or a checkpoint, with a picture of it: what a training
+    /// needs to go on is left behind. Errors of writeAvatar.
+    virtual Status exportAvatar(const std::filesystem::path& source, const std::filesystem::path& folder) = 0;
 };
 
 /// Name of the function that the library exports: `ars::ModelPlugin* arsModelPlugin()`; the object lives for ever.

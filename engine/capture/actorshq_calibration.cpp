@@ -66,9 +66,8 @@ Result<CalibratedCamera> cameraOf(const ColumnOrder& order, const std::vector<st
                                                                      : std::string_view();
     };
     result.name = field(Name);
-    // The name is the name of a folder; anything else would lead out of the capture.
-    if (result.name.empty() || result.name.find_first_of("/\\") != std::string::npos || result.name == "..") {
-        return makeError(ErrorCode::BadFile, "", fmt::format("{} is no camera name", quotedFound(result.name)));
+    if (const Status fit = checkCameraName(result.name); !fit) {
+        return makeError(ErrorCode::BadFile, "", fit.error().message);
     }
     std::array<double, ColumnCount> values{};
     for (int column = W; column < ColumnCount; ++column) {

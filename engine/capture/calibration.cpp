@@ -172,6 +172,17 @@ bool CalibratedCamera::distorted() const {
     return std::any_of(distortion.begin(), distortion.end(), [](double d) { return d != 0.0; });
 }
 
+Status checkCameraName(std::string_view name) {
+    const bool unfit = std::any_of(name.begin(), name.end(), [](char c) {
+        const auto byte = static_cast<unsigned char>(c);
+        return c == '/' || c == '\\' || byte < 0x20 || byte == 0x7f;
+    });
+    if (!unfit && !name.empty() && name != "." && name != "..") return {};
+    return makeError(ErrorCode::InvalidArgument, "",
+                     fmt::format("{} is no camera name, expected the name of a folder",
+                                 name.empty() ? std::string("\"\"") : quotedFound(name)));
+}
+
 bool looksLikeCalibration(const Json& json) {
     if (!json.is_object()) return false;
     return std::any_of(json.begin(), json.end(), [](const Json& entry) {

@@ -8,6 +8,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace ars {
@@ -23,6 +24,10 @@ struct CalibratedCamera {
     /// Whether pictures must be undistorted first.
     bool distorted() const;
 };
+
+/// A camera's name is the name of its folder in a capture, and of files that are made of it: InvalidArgument for one
+/// that is empty, "." or "..", or holds a slash, a backslash or a control character.
+Status checkCameraName(std::string_view name);
 
 /// Whether a JSON value has the form of a calibration, sound or not: an object of objects with K or R.
 bool looksLikeCalibration(const nlohmann::ordered_json& json);

@@ -104,6 +104,8 @@ struct CapturedView {
     Image color;   ///< 3, sRGB-encoded, [0, 1]
     Image mask;    ///< 1, alpha of the person, [0, 1]
     Image band;    ///< 1, 1 in the boundary band where nothing is compared (avatar reference 4), else 0
+    Image unknown; ///< 1, 1 where the photograph says nothing as its lens saw no such place, else 0; they lie in the
+                   ///< band and their mask is 0 for want of better. Empty: every pixel is known
 };
 
 /// How views are prepared.

@@ -81,6 +81,9 @@ Result<CaptureLayout> readNamedLayout(const NamedLayout& names, const fs::path& 
     layout.missingList = folder / "missing_img_files.txt";
     ARS_TRY(layout.cameras, readCalibration(layout.calibration, limits));
     for (const CalibratedCamera& camera : layout.cameras) {
+        if (const Status fit = checkCameraName(camera.name); !fit) {
+            return makeError(ErrorCode::BadFile, layout.calibration.string(), fit.error().message);
+        }
         CameraFiles files;
         files.pictures.folder = folder / withCamera(names.pictures, camera.name);
         files.masks.folder = folder / withCamera(names.masks, camera.name);

@@ -22,7 +22,7 @@ using Bytes = std::shared_ptr<const std::vector<std::byte>>;
 
 constexpr std::string_view kSuffix = ".view";
 constexpr std::string_view kPartSuffix = ".part";
-constexpr std::string_view kKeyHead = "ars view 1";
+constexpr std::string_view kKeyHead = "ars view 2";
 constexpr auto kPartAge = std::chrono::minutes(10); ///< a part that old has lost its writer
 
 /// Two independent 64-bit FNV-1a sums as 32 hexadecimal digits.

@@ -14,7 +14,8 @@
 namespace ars {
 
 /// A prepared view in few bytes that keep every number: colours and alpha in 8 bits where all of them fit, else in 16,
-/// the band in one bit. About 4 bytes a pixel for an 8-bit capture that is neither scaled nor undistorted.
+/// the band in one bit, what is unknown in another. About 4 bytes a pixel for an 8-bit capture that is neither scaled
+/// nor undistorted.
 std::vector<std::byte> packView(const CapturedView& view);
 /// Exactly what was packed. BadFile for bytes that packView did not write, by structure and checksum.
 Result<CapturedView> unpackView(std::span<const std::byte> bytes);

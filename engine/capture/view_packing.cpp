@@ -8,7 +8,7 @@
 namespace ars {
 namespace {
 
-constexpr std::uint64_t kMagic = 0x3157454956535241ull; // "ARSVIEW1"
+constexpr std::uint64_t kMagic = 0x3257454956535241ull; // "ARSVIEW2"
 constexpr float kLevels16 = 65535.0f;
 constexpr float kLevels8 = 255.0f;
 constexpr std::uint32_t kRatio = 257; ///< 65535 / 255
@@ -20,6 +20,7 @@ struct PackedHeader {
     std::int32_t camera = 0, frame = 0;
     std::int32_t width = 0, height = 0;
     std::uint32_t colorBytes = 1, maskBytes = 1; ///< of one value
+    std::uint64_t bitPlanes = 1;                 ///< the band, and what is unknown where anything is
     double intrinsics[4] = {};
     double rotation[9] = {}; ///< columns first
     double translation[3] = {};
@@ -114,6 +115,33 @@ Camera cameraOf(const PackedHeader& header) {
     return camera;
 }
 
+/// One bit a pixel.
+std::size_t planeBytes(std::size_t pixels) { return (pixels + 7) / 8; }
+
+std::size_t packedBytes(const PackedHeader& header, std::size_t pixels) {
+    return sizeof header + pixels * (3 * header.colorBytes + header.maskBytes) +
+           static_cast<std::size_t>(header.bitPlanes) * planeBytes(pixels);
+}
+
+void appendBits(std::vector<std::byte>& bytes, const std::vector<float>& values) {
+    const std::size_t begin = bytes.size();
+    bytes.resize(begin + planeBytes(values.size()), std::byte{0});
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        if (values[i] > 0.0f) bytes[begin + i / 8] |= std::byte{1} << (i % 8);
+    }
+}
+
+/// A picture of zeros and ones, of the size of `like`.
+Image bitsOf(const std::byte*& bytes, const Image& like) {
+    Image image = like;
+    image.sourceBits = 8;
+    for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+        image.pixels[i] = (bytes[i / 8] & std::byte{1} << (i % 8)) != std::byte{0} ? 1.0f : 0.0f;
+    }
+    bytes += planeBytes(image.pixels.size());
+    return image;
+}
+
 Error badPacking(const char* what) { return makeError(ErrorCode::BadFile, "", what); }
 
 } // namespace
@@ -126,17 +154,14 @@ std::vector<std::byte> packView(const CapturedView& view) {
     header.height = view.color.height;
     header.colorBytes = fitsEightBits(view.color.pixels) ? 1 : 2;
     header.maskBytes = fitsEightBits(view.mask.pixels) ? 1 : 2;
+    header.bitPlanes = view.unknown.pixels.empty() ? 1 : 2;
     setCamera(view.camera, header);
     std::vector<std::byte> bytes(sizeof header);
-    const std::size_t count = view.mask.pixels.size();
-    bytes.reserve(sizeof header + count * (3 * header.colorBytes + header.maskBytes) + (count + 7) / 8);
+    bytes.reserve(packedBytes(header, view.mask.pixels.size()));
     appendValues(bytes, view.color.pixels, header.colorBytes);
     appendValues(bytes, view.mask.pixels, header.maskBytes);
-    const std::size_t begin = bytes.size();
-    bytes.resize(begin + (count + 7) / 8, std::byte{0});
-    for (std::size_t i = 0; i < count; ++i) {
-        if (view.band.pixels[i] > 0.0f) bytes[begin + i / 8] |= std::byte{1} << (i % 8);
-    }
+    appendBits(bytes, view.band.pixels);
+    appendBits(bytes, view.unknown.pixels);
     std::memcpy(bytes.data(), &header, sizeof header);
     header.checksum = checksumOf(std::span<const std::byte>(bytes).subspan(kChecked));
     std::memcpy(bytes.data(), &header, sizeof header);
@@ -151,11 +176,11 @@ Result<CapturedView> unpackView(std::span<const std::byte> bytes) {
     constexpr std::int32_t kMostSide = 32768;
     const bool sound = header.width > 0 && header.width <= kMostSide && header.height > 0 &&
                        header.height <= kMostSide && (header.colorBytes == 1 || header.colorBytes == 2) &&
-                       (header.maskBytes == 1 || header.maskBytes == 2);
+                       (header.maskBytes == 1 || header.maskBytes == 2) &&
+                       (header.bitPlanes == 1 || header.bitPlanes == 2);
     if (!sound) return badPacking("is a packed view of an impossible size");
     const std::size_t count = static_cast<std::size_t>(header.width) * static_cast<std::size_t>(header.height);
-    const std::size_t expected = sizeof header + count * (3 * header.colorBytes + header.maskBytes) + (count + 7) / 8;
-    if (bytes.size() != expected) return badPacking("is a packed view of another length");
+    if (bytes.size() != packedBytes(header, count)) return badPacking("is a packed view of another length");
     if (checksumOf(bytes.subspan(kChecked)) != header.checksum) return badPacking("is a damaged packed view");
     CapturedView view;
     view.id = {header.camera, header.frame};
@@ -165,11 +190,8 @@ Result<CapturedView> unpackView(std::span<const std::byte> bytes) {
     view.color.space = ColorSpace::Srgb;
     view.mask = valuesOf(at, header.width, header.height, 1, header.maskBytes);
     view.mask.space = ColorSpace::Data;
-    view.band = view.mask;
-    view.band.sourceBits = 8;
-    for (std::size_t i = 0; i < count; ++i) {
-        view.band.pixels[i] = (at[i / 8] & std::byte{1} << (i % 8)) != std::byte{0} ? 1.0f : 0.0f;
-    }
+    view.band = bitsOf(at, view.mask);
+    if (header.bitPlanes == 2) view.unknown = bitsOf(at, view.mask);
     return view;
 }
 

@@ -80,6 +80,21 @@ void markIncomplete(Image& unknown, int width, int height, int scale) {
     }
 }
 
+/// The box's part as zeros and ones; empty where all of it is known.
+Image unknownPart(const Image& unknown, const PixelBox& box) {
+    if (unknown.pixels.empty()) return {};
+    Image part = cropped(unknown, box);
+    bool any = false;
+    for (float& value : part.pixels) {
+        value = value > 0.0f ? 1.0f : 0.0f;
+        any = any || value > 0.0f;
+    }
+    if (!any) return {};
+    part.space = ColorSpace::Data;
+    part.sourceBits = 8;
+    return part;
+}
+
 } // namespace
 
 PixelBox maskBounds(const Image& mask, int threshold) {
@@ -211,16 +226,17 @@ Result<CapturedView> prepareView(ViewId id, const CalibratedCamera& calibrated, 
     view.camera = calibrated.camera;
     const bool resample = calibrated.distorted() || options.scale > 1;
     if (resample) toLinear(color);
-    Image unknown; // empty: every pixel is known
+    Image unknown;      // empty: every pixel is known
+    Image incomparable; // unknown, and what else the colours of a smaller picture are wrong in
     if (calibrated.distorted()) ARS_TRY_STATUS(undistortView(calibrated, color, mask, unknown));
     const PixelBox person = maskBounds(mask, options.maskThreshold);
     if (options.scale > 1) {
         const int width = color.width, height = color.height;
         color = areaAveraged(color, options.scale);
         mask = areaAveraged(mask, options.scale);
-        unknown =
-            unknown.pixels.empty() ? imageLike(mask, mask.width, mask.height) : areaAveraged(unknown, options.scale);
-        markIncomplete(unknown, width, height, options.scale);
+        if (!unknown.pixels.empty()) unknown = areaAveraged(unknown, options.scale);
+        incomparable = unknown.pixels.empty() ? imageLike(mask, mask.width, mask.height) : unknown;
+        markIncomplete(incomparable, width, height, options.scale);
         view.camera = scaledCamera(view.camera, options.scale);
     }
     const PixelBox box = cropBox(person, mask.width, mask.height, options.scale, options.cropMargin);
@@ -230,12 +246,14 @@ Result<CapturedView> prepareView(ViewId id, const CalibratedCamera& calibrated, 
     if (resample) toEncoded(view.color);
     view.mask = cropped(mask, box);
     view.mask.space = ColorSpace::Data;
-    if (!unknown.pixels.empty()) {
-        const Image part = cropped(unknown, box);
+    for (const Image* left : {&unknown, &incomparable}) {
+        if (left->pixels.empty()) continue;
+        const Image part = cropped(*left, box);
         for (std::size_t i = 0; i < part.pixels.size(); ++i) {
             if (part.pixels[i] > 0.0f) view.band.pixels[i] = 1.0f;
         }
     }
+    view.unknown = unknownPart(unknown, box);
     for (float& alpha : view.mask.pixels) {
         // Noise of the matting and of JPEG: what the band does not count as soft is no person or wholly one.
         if (alpha <= kSoftAbove) alpha = 0.0f;

@@ -64,8 +64,14 @@ Result<std::shared_ptr<const AvatarAsset>> trainedAsset(const AvatarSection& ava
     asset->restBounds = boundsOf(opened.evaluator->mesh().mesh.positions);
     asset->soleHeightM = asset->restBounds.low.y;
     asset->notes = opened.evaluator->mesh().notes;
-    asset->trained = AvatarAsset::Trained{opened.radii, opened.splat, opened.light.has_value(),
-                                          std::move(opened.preset), std::move(opened.origin)};
+    asset->trained = AvatarAsset::Trained{.radii = opened.radii,
+                                          .splat = opened.splat,
+                                          .occluded = opened.occluded,
+                                          .occlusion = opened.occlusion,
+                                          .posing = opened.posing,
+                                          .hasLight = opened.light.has_value(),
+                                          .preset = std::move(opened.preset),
+                                          .origin = std::move(opened.origin)};
     asset->evaluator = std::move(opened.evaluator);
     return std::shared_ptr<const AvatarAsset>(std::move(asset));
 }

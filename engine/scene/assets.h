@@ -36,8 +36,12 @@ struct AvatarAsset {
     /// What a trained avatar brings besides its surfels.
     struct Trained {
         PartRadii radii = initialPartRadii(); ///< learned, metres
-        SplatParams splat;                    ///< that it was trained with
-        bool hasLight = false;                ///< trainedAvatarLight has one
+        // That it was trained with.
+        SplatParams splat;
+        bool occluded = true; ///< false: shaded without occlusion
+        OcclusionParams occlusion;
+        PoseSurfelsParams posing;
+        bool hasLight = false; ///< trainedAvatarLight has one
         std::string preset;
         std::string origin; ///< in words
     };

@@ -40,8 +40,24 @@ Status standOnFloor(Document& document, const CommandContext& context) {
     return {};
 }
 
-/// Radii and kernel come with a trained avatar and go with it. Locked radii stay; of those that a rest: avatar finds,
-/// the ones that were changed by hand.
+/// Occlusion as the avatar was trained with it, else the usual one. Quality and directions are the viewer's.
+void adoptOcclusion(OcclusionSection& occlusion, const AvatarAsset::Trained& trained) {
+    OcclusionParams& params = occlusion.settings.screenSpace;
+    const OcclusionParams before = params;
+    params = trained.occlusion;
+    params.quality = before.quality;
+    params.interactiveDirections = before.interactiveDirections;
+    occlusion.posing = trained.posing;
+    OcclusionMethod& method = occlusion.settings.method;
+    if (!trained.occluded) {
+        method = OcclusionMethod::Off;
+    } else if (method == OcclusionMethod::Off) {
+        method = OcclusionMethod::ScreenSpace;
+    }
+}
+
+/// Radii, kernel and occlusion come with a trained avatar and go with it. Locked radii stay; of those that a rest:
+/// avatar finds, the ones that were changed by hand.
 void adoptLearned(Document& document, const AvatarAsset* asset, bool wasTrained) {
     OcclusionSection& occlusion = document.occlusion;
     const bool trained = asset && asset->trained;
@@ -53,6 +69,7 @@ void adoptLearned(Document& document, const AvatarAsset* asset, bool wasTrained)
     }
     occlusion.initial = radii;
     occlusion.splat = trained ? asset->trained->splat : OcclusionSection().splat;
+    adoptOcclusion(occlusion, trained ? *asset->trained : AvatarAsset::Trained());
 }
 
 Status openAvatar(Document& document, const Arguments& arguments, CommandContext& context) {

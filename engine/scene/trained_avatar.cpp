@@ -87,6 +87,10 @@ Result<OpenedTrainedAvatar> openTrainedAvatar(const fs::path& source, bool proje
         const std::lock_guard lock(hook().mutex);
         opener = hook().opener;
     }
+    return openTrainedAvatar(source, project, opener);
+}
+
+Result<OpenedTrainedAvatar> openTrainedAvatar(const fs::path& source, bool project, const TrainedAvatarOpener& opener) {
     ARS_TRY(const fs::path folder, trainedAvatarFolder(source));
     if (!opener) {
         return makeError(ErrorCode::Unavailable, source.string(),

@@ -4,6 +4,7 @@
 #include "engine/frame/avatar_evaluator.h"
 #include "engine/light/cube_map.h"
 #include "engine/light/environment.h"
+#include "engine/occlusion/ambient_occlusion.h"
 #include "engine/surfel/pose_surfels.h"
 #include "engine/surfel/splat.h"
 
@@ -22,9 +23,13 @@ struct OpenedTrainedAvatar {
     std::shared_ptr<AvatarEvaluator> evaluator;
     PartRadii radii = initialPartRadii(); ///< learned, metres
     std::optional<CubeMap> light;         ///< learned or given in training
-    SplatParams splat;                    ///< that it was trained with
-    std::string preset;                   ///< "compact"
-    std::string origin;                   ///< where it comes from, in words
+    // That it was trained with: its pictures are right under these alone.
+    SplatParams splat;
+    bool occluded = true; ///< false: shaded without occlusion
+    OcclusionParams occlusion;
+    PoseSurfelsParams posing;
+    std::string preset; ///< "compact"
+    std::string origin; ///< where it comes from, in words
 };
 
 /// Opens NAME.avatar/ or a checkpoint of a run; called on loaders' threads, also on several at once.
@@ -47,6 +52,9 @@ Result<std::filesystem::path> trainedAvatarFolder(const std::filesystem::path& s
 /// Resolves the source and opens it. Errors of the above and of the opener, with the path; Unavailable where the
 /// program set none.
 Result<OpenedTrainedAvatar> openTrainedAvatar(const std::filesystem::path& source, bool project = true);
+/// The same with an opener of the caller's own.
+Result<OpenedTrainedAvatar> openTrainedAvatar(const std::filesystem::path& source, bool project,
+                                              const TrainedAvatarOpener& opener);
 
 /// The light that came out of the training: light.exr beside the avatar, else what opening it gives. NotFound where it
 /// has none.

@@ -5,18 +5,20 @@
 #include "engine/rig/gltf_rig.h"
 #include "engine/rig/posed_export.h"
 #include "model/avatar/avatar_model.h"
+#include "model/run/run_lock.h"
 
 #include <ATen/ATen.h>
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
+#include <array>
 #include <cstring>
 #include <system_error>
 
-#include <fcntl.h>
 #include <unistd.h>
 
-/// The files of an avatar folder (design section 5; docs/user/training.md, Avatar folders).
+/// The files of an avatar folder (design section 5; docs/user/training.md, Avatars).
 namespace ars {
 namespace {
 
@@ -150,6 +152,9 @@ nlohmann::ordered_json specToJson(const AvatarSpec& spec, const CanonicalMaps& m
     json["network"] = avatarNetworkParameters().toJson(spec.network);
     json["decoding"] = decodingParameters().toJson(spec.decoding);
     json["splat"] = splatParameters().toJson(spec.splat);
+    json["occluded"] = spec.occluded;
+    json["occlusion"] = occlusionParameters().toJson(spec.occlusion);
+    json["posing"] = poseSurfelsParameters().toJson(spec.posing);
     json["maps"] = {{"size", maps.size},
                     {"half_extent", maps.halfExtentM},
                     {"center", {maps.centerM.x, maps.centerM.y, maps.centerM.z}},
@@ -160,6 +165,21 @@ nlohmann::ordered_json specToJson(const AvatarSpec& spec, const CanonicalMaps& m
                                                                               {"offset", spec.radiusOffsets[part]}};
     }
     return json;
+}
+
+/// How it is shaded and posed; avatars from before these were written have the defaults.
+Status shadingFromJson(const nlohmann::json& json, AvatarSpec& spec) {
+    spec.occluded = json.value("occluded", true);
+    if (json.contains("occlusion")) {
+        ARS_TRY_STATUS(occlusionParameters().fromJson(spec.occlusion, json.at("occlusion")));
+        if (const Status sound = validateOcclusionParams(spec.occlusion); !sound) {
+            return makeError(ErrorCode::BadFile, "occlusion", sound.error().describe());
+        }
+    }
+    if (json.contains("posing")) {
+        ARS_TRY_STATUS(poseSurfelsParameters().fromJson(spec.posing, json.at("posing")));
+    }
+    return {};
 }
 
 Status specFromJson(const nlohmann::ordered_json& ordered, AvatarSpec& spec, CanonicalMaps& maps) {
@@ -176,6 +196,7 @@ Status specFromJson(const nlohmann::ordered_json& ordered, AvatarSpec& spec, Can
     ARS_TRY_STATUS(avatarNetworkParameters().fromJson(spec.network, json.at("network")));
     ARS_TRY_STATUS(decodingParameters().fromJson(spec.decoding, json.at("decoding")));
     ARS_TRY_STATUS(splatParameters().fromJson(spec.splat, json.at("splat")));
+    ARS_TRY_STATUS(shadingFromJson(json, spec));
     const nlohmann::json& place = json.at("maps");
     maps.size = place.at("size").get<int>();
     maps.halfExtentM = place.at("half_extent").get<float>();
@@ -230,13 +251,45 @@ Status takeLight(const SafetensorsFile& file, std::optional<CubeMap>& light) {
     return {};
 }
 
-Status syncFolder(const std::filesystem::path& folder) {
-    const int descriptor = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (descriptor < 0 || fsync(descriptor) != 0) {
-        if (descriptor >= 0) close(descriptor);
-        return makeError(ErrorCode::Io, folder.string(), fmt::format("cannot be synced: {}", std::strerror(errno)));
+/// What a folder of an avatar may hold to be replaced: anything else in it is somebody's own, or a checkpoint's.
+constexpr std::array<const char*, 6> kAvatarFiles{"avatar.json", "weights.safetensors", "template.glb",
+                                                  "light.exr",   "pca.safetensors",     "preview.png"};
+
+/// Nothing there, an empty folder, or an avatar and nothing else.
+Status checkReplaceable(const std::filesystem::path& folder) {
+    std::error_code failure;
+    const std::filesystem::file_status status = std::filesystem::symlink_status(folder, failure);
+    if (status.type() == std::filesystem::file_type::not_found) return {};
+    if (status.type() != std::filesystem::file_type::directory) {
+        return makeError(ErrorCode::InvalidArgument, folder.string(),
+                         "expected a folder or nothing there, found a file");
     }
-    close(descriptor);
+    for (std::filesystem::directory_iterator i(folder, failure), end; !failure && i != end; i.increment(failure)) {
+        const std::string name = i->path().filename().string();
+        if (std::find(kAvatarFiles.begin(), kAvatarFiles.end(), name) != kAvatarFiles.end()) continue;
+        return makeError(ErrorCode::InvalidArgument, folder.string(),
+                         fmt::format("expected a new name or an avatar to replace, found {} in it", name));
+    }
+    if (failure) return makeError(ErrorCode::Io, folder.string(), failure.message());
+    return {};
+}
+
+/// Puts the finished `temporary` in the place of `folder`; what stood there is gone only once that is done.
+Status takeItsPlace(const std::filesystem::path& temporary, const std::filesystem::path& folder) {
+    namespace fs = std::filesystem;
+    fs::path old = folder;
+    old += fmt::format(".{}.old", getpid());
+    std::error_code failure, ignored;
+    const bool replaces = fs::exists(folder, failure);
+    if (replaces) fs::rename(folder, old, failure);
+    if (failure) return makeError(ErrorCode::Io, folder.string(), failure.message());
+    fs::rename(temporary, folder, failure);
+    if (failure) {
+        if (replaces) fs::rename(old, folder, ignored);
+        return makeError(ErrorCode::Io, folder.string(), failure.message());
+    }
+    ARS_TRY_STATUS(syncFolder(folder.parent_path()));
+    if (replaces) fs::remove_all(old, ignored);
     return {};
 }
 
@@ -258,30 +311,25 @@ Status writeAvatarFiles(const std::filesystem::path& folder, const AvatarModel& 
     if (model.pca) ARS_TRY_STATUS(writePosePca(folder / "pca.safetensors", *model.pca));
     if (preview.width > 0) ARS_TRY_STATUS(writePng(folder / "preview.png", preview));
     // Last: a folder with an avatar.json is whole.
-    return writeFileAtomic(folder / "avatar.json", specToJson(model.spec, model.maps).dump(2) + "\n");
+    // A name that is no UTF-8 must not cost the avatar.
+    const nlohmann::ordered_json json = specToJson(model.spec, model.maps);
+    return writeFileAtomic(folder / "avatar.json",
+                           json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
 }
 
 Status writeAvatar(const std::filesystem::path& folder, const AvatarModel& model, const Image& preview) {
-    std::filesystem::path temporary = folder;
-    temporary += fmt::format(".{}.tmp", getpid());
     std::error_code failure;
+    std::filesystem::path whole = std::filesystem::absolute(folder, failure).lexically_normal();
+    if (!whole.has_filename()) whole = whole.parent_path(); // "anna.avatar/"
+    ARS_TRY_STATUS(checkReplaceable(whole));
+    std::filesystem::path temporary = whole;
+    temporary += fmt::format(".{}.tmp", getpid());
     std::filesystem::remove_all(temporary, failure);
     std::filesystem::create_directories(temporary, failure);
     if (failure) return makeError(ErrorCode::Io, temporary.string(), failure.message());
     Status status = writeAvatarFiles(temporary, model, preview);
-    if (status) status = syncFolder(temporary);
-    if (status) {
-        // What stood there goes only once the new folder is whole.
-        std::filesystem::path old = folder;
-        old += fmt::format(".{}.old", getpid());
-        const bool replaces = std::filesystem::exists(folder);
-        if (replaces) std::filesystem::rename(folder, old, failure);
-        if (!failure) std::filesystem::rename(temporary, folder, failure);
-        if (failure)
-            status = makeError(ErrorCode::Io, folder.string(), failure.message());
-        else if (replaces)
-            std::filesystem::remove_all(old, failure);
-    }
+    if (status) status = syncTree(temporary);
+    if (status) status = takeItsPlace(temporary, whole);
     if (!status) std::filesystem::remove_all(temporary, failure);
     return status;
 }

@@ -30,6 +30,20 @@ PartRadii learnedRadii(const AvatarSpec& spec) {
     return radii;
 }
 
+OcclusionParams shownOcclusion(const AvatarSpec& spec) {
+    OcclusionParams shown = spec.occlusion;
+    const OcclusionParams unset;
+    shown.quality = unset.quality;
+    shown.interactiveDirections = unset.interactiveDirections;
+    return shown;
+}
+
+PoseSurfelsParams shownPosing(const AvatarSpec& spec) {
+    PoseSurfelsParams shown = spec.posing;
+    shown.trainingRadii = false;
+    return shown;
+}
+
 BodyModel shapedBody(const BodyModel& body, const BodyShape& shape) {
     BodyModel shaped = body;
     shaped.templateVertices = shapedVertices(body, shape);

@@ -5,10 +5,12 @@
 #include "engine/light/cube_map.h"
 #include "engine/maps/canonical_maps.h"
 #include "engine/maps/pose_pca.h"
+#include "engine/occlusion/ambient_occlusion.h"
 #include "engine/rig/body_model.h"
 #include "engine/rig/template_mesh.h"
 #include "model/avatar/surfel_decoding.h"
 #include "model/network/avatar_network.h"
+#include "model/network/inference_network.h"
 
 #include <filesystem>
 #include <memory>
@@ -25,7 +27,11 @@ struct AvatarSpec {
     CanonicalMapOptions maps; ///< size 2 S, extent, centre
     PartRadii initialRadii = initialPartRadii();
     PartRadii radiusOffsets{}; ///< delta_g; r_g = r_init (1 + delta_g)
-    SplatParams splat;         ///< kernel and depth that it was trained with
+    // What its pictures were compared with in training; frames of it are made in the same way.
+    SplatParams splat;         ///< kernel and depth
+    bool occluded = true;      ///< false: shaded without occlusion
+    OcclusionParams occlusion; ///< with the quality and the directions of a training step
+    PoseSurfelsParams posing;
     std::string preset;
     std::string origin; ///< "run DIR, step N of capture DIR": for people
 };
@@ -74,15 +80,21 @@ Status completeAvatar(AvatarModel& model, std::uint64_t seed);
 /// The files of an avatar into a folder that exists (a checkpoint's).
 Status writeAvatarFiles(const std::filesystem::path& folder, const AvatarModel& model, const Image& preview);
 /// Writes NAME.avatar/ (design section 5): avatar.json, weights.safetensors, template.glb, light.exr, pca.safetensors,
-/// to a temporary name that is synced and renamed. `preview` (sRGB picture) may be empty.
+/// to a temporary name that is synced and renamed. `preview` (sRGB picture) may be empty. InvalidArgument where
+/// something else than an avatar stands there; an avatar is replaced, and stays where the new one cannot be written.
 Status writeAvatar(const std::filesystem::path& folder, const AvatarModel& model, const Image& preview);
 /// Reads one, or a checkpoint of a run. Every error names the file.
 Result<AvatarModel> readAvatar(const std::filesystem::path& folder);
 
 /// r_g = r_init (1 + delta), kept in [0.2, 3] r_init.
 PartRadii learnedRadii(const AvatarSpec& spec);
+/// Occlusion as frames take it: how many directions a picture affords is theirs to say, not a training step's.
+OcclusionParams shownOcclusion(const AvatarSpec& spec);
+/// Posing as frames take it: without the radii that only a training needs.
+PoseSurfelsParams shownPosing(const AvatarSpec& spec);
 
 /// A trained avatar as frames use it. Evaluations are serialised by a lock of its own: any thread may call.
-std::shared_ptr<AvatarEvaluator> makeTrainedAvatar(AvatarModel model, bool project);
+std::shared_ptr<AvatarEvaluator> makeTrainedAvatar(AvatarModel model, bool project,
+                                                   NetworkPrecision precision = NetworkPrecision::Float32);
 
 } // namespace ars

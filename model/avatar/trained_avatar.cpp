@@ -1,9 +1,8 @@
 #include "engine/maps/position_maps.h"
 #include "model/avatar/avatar_model.h"
-#include "model/network/inference_network.h"
+#include "model/run/run_failure.h"
 
 #include <ATen/ATen.h>
-#include <c10/util/Exception.h>
 
 #include <mutex>
 
@@ -14,9 +13,9 @@ namespace {
 /// alone does not need again.
 class TrainedAvatar final : public AvatarEvaluator {
 public:
-    TrainedAvatar(AvatarModel model, bool project)
-        : model_(std::move(model)), project_(project),
-          networks_(InferenceNetwork::create(*model_.network, NetworkPrecision::Float32)) {
+    TrainedAvatar(AvatarModel model, bool project, NetworkPrecision precision)
+        : model_(std::move(model)), project_(project), precision_(precision),
+          networks_(InferenceNetwork::create(*model_.network, precision)) {
         rig_.skeleton = model_.mesh.skeleton();
         rig_.parts = jointParts(rig_.skeleton);
         rig_.canonical = model_.maps.canonical;
@@ -26,8 +25,9 @@ public:
     const AvatarRig& rig() const override { return rig_; }
     const TemplateMesh& mesh() const override { return model_.mesh; }
     std::string description() const override {
-        return fmt::format("{} avatar, {} surfels, maps {} to {}", model_.spec.preset, model_.maps.pointCount(),
-                           model_.spec.network.inputSize, 2 * model_.spec.network.inputSize);
+        return fmt::format("{} avatar, {} surfels, maps {} to {}{}", model_.spec.preset, model_.maps.pointCount(),
+                           model_.spec.network.inputSize, 2 * model_.spec.network.inputSize,
+                           precision_ == NetworkPrecision::BFloat16 ? ", networks in bfloat16" : "");
     }
     bool dependsOnPose() const override { return !model_.spec.network.canonicalOnly; }
     bool colorsDependOnView() const override { return model_.spec.network.viewDependent; }
@@ -38,12 +38,10 @@ public:
 
     Status evaluate(const Pose& pose, const Camera* view, Surfels& surfels) override {
         const std::lock_guard lock(mutex_);
-        try {
-            at::NoGradGuard noGradient;
+        return withoutExceptions<Status>("avatar", [&] {
+            const at::NoGradGuard noGradient;
             return evaluateLocked(pose, view, surfels);
-        } catch (const c10::Error& error) {
-            return makeError(ErrorCode::Internal, "avatar", error.what_without_backtrace());
-        }
+        });
     }
 
 private:
@@ -77,6 +75,7 @@ private:
 
     AvatarModel model_;
     bool project_;
+    NetworkPrecision precision_;
     InferenceNetwork networks_;
     AvatarRig rig_;
     std::mutex mutex_;
@@ -86,8 +85,8 @@ private:
 
 } // namespace
 
-std::shared_ptr<AvatarEvaluator> makeTrainedAvatar(AvatarModel model, bool project) {
-    return std::make_shared<TrainedAvatar>(std::move(model), project);
+std::shared_ptr<AvatarEvaluator> makeTrainedAvatar(AvatarModel model, bool project, NetworkPrecision precision) {
+    return std::make_shared<TrainedAvatar>(std::move(model), project, precision);
 }
 
 } // namespace ars

@@ -1,5 +1,6 @@
 #include "model/evaluation/evaluated_view.h"
 
+#include "engine/capture/layout.h"
 #include "engine/core/file.h"
 #include "engine/io/exr.h"
 #include "engine/io/image_file.h"
@@ -15,23 +16,29 @@ namespace ars::detail {
 namespace fs = std::filesystem;
 namespace {
 
-bool isCapture(const fs::path& folder) {
-    std::error_code ignored;
-    for (const char* name : {"calibration_full.json", "calibration.json", "calibration.csv"}) {
-        if (fs::is_regular_file(folder / name, ignored)) return true;
+/// What lies in a folder, by name; nothing where there is no folder. Io where it cannot be read to its end.
+Result<std::vector<fs::path>> entriesOf(const fs::path& folder) {
+    std::vector<fs::path> entries;
+    std::error_code failure;
+    for (fs::directory_iterator i(folder, failure), end; !failure && i != end; i.increment(failure)) {
+        entries.push_back(i->path());
     }
-    return false;
+    if (failure && failure != std::errc::no_such_file_or_directory && failure != std::errc::not_a_directory) {
+        return makeError(ErrorCode::Io, folder.string(), fmt::format("cannot be read: {}", failure.message()));
+    }
+    std::sort(entries.begin(), entries.end());
+    return entries;
 }
 
 /// The folder itself, or the captures directly below it, by name.
-std::vector<fs::path> captureFolders(const fs::path& folder) {
-    if (isCapture(folder)) return {folder};
+Result<std::vector<fs::path>> captureFolders(const fs::path& folder) {
+    if (looksLikeCapture(folder)) return std::vector<fs::path>{folder};
     std::vector<fs::path> below;
-    std::error_code failure;
-    for (const auto& entry : fs::directory_iterator(folder, failure)) {
-        if (entry.is_directory(failure) && isCapture(entry.path())) below.push_back(entry.path());
+    ARS_TRY(const std::vector<fs::path> entries, entriesOf(folder));
+    for (const fs::path& entry : entries) {
+        std::error_code ignored;
+        if (fs::is_directory(entry, ignored) && looksLikeCapture(entry)) below.push_back(entry);
     }
-    std::sort(below.begin(), below.end());
     // openCapture says what is missing.
     return below.empty() ? std::vector<fs::path>{folder} : below;
 }
@@ -72,19 +79,19 @@ LightNote lightNote(const nlohmann::json& json) {
 }
 
 /// lights/NAME.exr in the capture or beside it; the only one there when no name is given.
-fs::path trueLightOf(const fs::path& capture, const std::string& name) {
-    std::error_code failure;
+Result<fs::path> trueLightOf(const fs::path& capture, const std::string& name) {
     for (const fs::path& folder : {capture / "lights", capture.parent_path() / "lights"}) {
         std::vector<fs::path> found;
-        for (const auto& entry : fs::directory_iterator(folder, failure)) {
-            const std::string ending = entry.path().extension().string();
+        ARS_TRY(const std::vector<fs::path> entries, entriesOf(folder));
+        for (const fs::path& entry : entries) {
+            const std::string ending = entry.extension().string();
             if (ending != ".exr" && ending != ".hdr") continue;
-            if (entry.path().stem().string() == name) return entry.path();
-            found.push_back(entry.path());
+            if (entry.stem().string() == name) return entry;
+            found.push_back(entry);
         }
         if (name.empty() && found.size() == 1) return found.front();
     }
-    return {};
+    return fs::path();
 }
 
 std::vector<ViewId> viewsOf(const Capture& capture, const CaptureSplit& split) {
@@ -100,7 +107,7 @@ std::vector<ViewId> viewsOf(const Capture& capture, const CaptureSplit& split) {
 
 /// The split that a protocol is about where none was named and the capture has it.
 std::string splitName(const Capture& capture, const EvaluationOptions& options) {
-    if (options.split != "all" && !options.split.empty()) return options.split;
+    if (!options.split.empty()) return options.split;
     const std::vector<std::string> names = splitNames(capture);
     const std::string wanted = options.protocol == EvaluationProtocol::Ag        ? "ag"
                                : options.protocol == EvaluationProtocol::HeldOut ? "held_out_cameras"
@@ -151,7 +158,8 @@ fs::path EvaluatedCapture::truthPath(ViewId view, const std::string& buffer) con
 
 Result<std::vector<EvaluatedCapture>> openEvaluatedCaptures(const fs::path& folder, const EvaluationOptions& options) {
     std::vector<EvaluatedCapture> result;
-    for (const fs::path& path : captureFolders(folder.lexically_normal())) {
+    ARS_TRY(const std::vector<fs::path> folders, captureFolders(folder.lexically_normal()));
+    for (const fs::path& path : folders) {
         EvaluatedCapture set;
         ARS_TRY(set.capture, openCapture(path));
         auto split = namedSplit(set.capture, splitName(set.capture, options), options.cameras, options.frames);
@@ -163,13 +171,16 @@ Result<std::vector<EvaluatedCapture>> openEvaluatedCaptures(const fs::path& fold
         const LightNote other = lightNote(readJson(path / "metadata.json"));
         if (note.name.empty()) note.name = other.name;
         set.exposure = note.exposure ? *note.exposure : other.exposure.value_or(1.0);
-        set.light = options.light.empty() ? trueLightOf(path.lexically_normal(), note.name) : options.light;
+        set.light = options.light;
+        if (set.light.empty()) {
+            ARS_TRY(set.light, trueLightOf(path.lexically_normal(), note.name));
+        }
         result.push_back(std::move(set));
     }
     return result;
 }
 
-Result<Photograph> readPhotograph(const EvaluatedCapture& set, ViewId view) {
+Result<std::optional<Photograph>> readPhotograph(const EvaluatedCapture& set, ViewId view) {
     Photograph photograph;
     ViewOptions whole;
     whole.cropMargin = -1;
@@ -177,11 +188,10 @@ Result<Photograph> readPhotograph(const EvaluatedCapture& set, ViewId view) {
     photograph.mask = photograph.view.mask;
     for (float& value : photograph.mask.pixels) value = value > 128.5f / 255.0f ? 1.0f : 0.0f;
     if (std::find(photograph.mask.pixels.begin(), photograph.mask.pixels.end(), 1.0f) == photograph.mask.pixels.end()) {
-        return makeError(ErrorCode::BadFile, set.capture.imagePath(view).string(),
-                         "expected a person in the mask, found nobody");
+        return std::optional<Photograph>();
     }
     photograph.background = backgroundOf(photograph.view.color, photograph.view.mask);
-    return photograph;
+    return std::optional<Photograph>(std::move(photograph));
 }
 
 Result<TrueBuffers> readTrueBuffers(const EvaluatedCapture& set, ViewId view, const Camera& camera) {

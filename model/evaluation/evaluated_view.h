@@ -36,7 +36,8 @@ struct Photograph {
     Image mask;                        ///< 1 where alpha > 128 / 255, else 0
     std::array<float, 3> background{}; ///< sRGB: median of what is no person at all; white where there is none
 };
-Result<Photograph> readPhotograph(const EvaluatedCapture& set, ViewId view);
+/// Nothing where the mask holds nobody: a camera need not see the person in every frame.
+Result<std::optional<Photograph>> readPhotograph(const EvaluatedCapture& set, ViewId view);
 
 /// Ground truth of a view, as far as it lies in CAMERA/gt. Divided by coverage; depth is metres along the camera's
 /// axis.
@@ -88,7 +89,7 @@ Image composedRadiance(const RenderedView& view, const std::array<float, 3>& bac
 using Figures = std::vector<std::pair<std::string, double>>;
 
 /// PSNR and SSIM of a picture in the mask (over the photograph's own background) and on the whole picture over white;
-/// LPIPS of the latter, where there are weights for it.
+/// LPIPS of the latter, where there are weights for it: with the published protocols of publishedCrop at 512 x 512.
 struct PictureJudge {
     EvaluationProtocol protocol;
     const Photograph& photograph;
@@ -113,6 +114,10 @@ struct AlbedoScale {
     /// 1 where nothing was seen.
     glm::dvec3 value() const;
 };
+
+/// What Animatable Gaussians' protocol takes LPIPS of, before it is resized: the mask's bounding box and 50 pixels
+/// around it as far as the picture goes, in the middle of a white square.
+Image publishedCrop(const Image& picture, const Image& mask);
 
 /// SSIM of Animatable Gaussians' protocol: windows of 7x7 equal weights, sample variances, mean over windows inside the
 /// picture and over channels (scikit-image's default).

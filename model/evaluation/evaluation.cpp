@@ -121,12 +121,13 @@ Status fitAlbedo(Evaluation& evaluation, const ProgressFunction& progress) {
                                           "fitting the albedo"));
             std::error_code ignored;
             if (!fs::exists(set.truthPath(view, "albedo"), ignored)) continue;
-            ARS_TRY(const detail::Photograph photograph, readPhotograph(set, view));
-            ARS_TRY(const detail::TrueBuffers truth, readTrueBuffers(set, view, photograph.view.camera));
+            ARS_TRY(const std::optional<detail::Photograph> photograph, readPhotograph(set, view));
+            if (!photograph) continue;
+            ARS_TRY(const detail::TrueBuffers truth, readTrueBuffers(set, view, photograph->view.camera));
             ARS_TRY(const Image albedo,
-                    evaluation.renderer.renderAlbedo(set.capture.pose(view.frame), photograph.view.camera));
-            evaluation.ours.add(albedo, *truth.albedo, photograph.mask);
-            evaluation.photographs.add(decoded(photograph.view.color), *truth.albedo, photograph.mask);
+                    evaluation.renderer.renderAlbedo(set.capture.pose(view.frame), photograph->view.camera));
+            evaluation.ours.add(albedo, *truth.albedo, photograph->mask);
+            evaluation.photographs.add(decoded(photograph->view.color), *truth.albedo, photograph->mask);
         }
     }
     return {};
@@ -154,16 +155,28 @@ Status judgeShading(const Evaluation& evaluation, const EvaluatedCapture& set, c
     return shadeAndJudge("relit_unscaled", *light, exposure, glm::vec3(1.0f));
 }
 
+/// What lies where the photograph says nothing is neither right nor wrong.
+void hideUnknown(const Image& unknown, Image& opacity) {
+    for (std::size_t p = 0; p < unknown.pixels.size(); ++p) {
+        if (unknown.pixels[p] > 0.0f) opacity.pixels[p] = 0.0f;
+    }
+}
+
 struct ViewReport {
     Figures figures;
     std::optional<Image> page;
 };
 
-Result<ViewReport> evaluateView(Evaluation& evaluation, const EvaluatedCapture& set, ViewId view, bool wantPage) {
-    ARS_TRY(const detail::Photograph photograph, readPhotograph(set, view));
+/// Nothing where the photograph shows nobody.
+Result<std::optional<ViewReport>> evaluateView(Evaluation& evaluation, const EvaluatedCapture& set, ViewId view,
+                                               bool wantPage) {
+    ARS_TRY(const std::optional<detail::Photograph> read, readPhotograph(set, view));
+    if (!read) return std::optional<ViewReport>();
+    const detail::Photograph& photograph = *read;
     const Camera& camera = photograph.view.camera;
     ARS_TRY(const detail::TrueBuffers truth, readTrueBuffers(set, view, camera));
-    ARS_TRY(const detail::RenderedView ours, evaluation.renderer.render(set.capture.pose(view.frame), camera));
+    ARS_TRY(detail::RenderedView ours, evaluation.renderer.render(set.capture.pose(view.frame), camera));
+    hideUnknown(photograph.view.unknown, ours.opacity);
     const detail::PictureJudge judge{evaluation.options.protocol, photograph, evaluation.lpips.get()};
     ViewReport report;
     Figures& figures = report.figures;
@@ -185,7 +198,7 @@ Result<ViewReport> evaluateView(Evaluation& evaluation, const EvaluatedCapture& 
                                            evaluation.photographs.value(), *truth.albedo, photograph.mask, figures));
     }
     if (wantPage) report.page = detail::comparisonPage(photograph, ours, truth, pictures, evaluation.ours.value());
-    return report;
+    return std::optional<ViewReport>(std::move(report));
 }
 
 /// Means over the views that have a figure, in the figures' order.
@@ -242,18 +255,22 @@ Result<Json> evaluateSet(Evaluation& evaluation, const EvaluatedCapture& set, st
     const std::size_t count = evaluation.viewCount();
     Json json = setHeader(set);
     Means means;
-    Json views = Json::array();
+    Json views = Json::array(), leftOut = Json::array();
     for (std::size_t i = 0; i < set.views.size(); ++i) {
         const std::size_t index = before + i;
         ARS_TRY_STATUS(reportProgress(progress, 0.3 + 0.7 * static_cast<double>(index) / static_cast<double>(count),
                                       fmt::format("view {} of {}", index + 1, count)));
         const bool page = !evaluation.options.outFolder.empty() && isShown(index, count, evaluation.options.pictures);
         const ViewId view = set.views[i];
-        auto report = evaluateView(evaluation, set, view, page);
-        if (!report) return std::move(report).error();
+        ARS_TRY(const std::optional<ViewReport> report, evaluateView(evaluation, set, view, page));
         const std::string& camera = set.capture.cameras[static_cast<std::size_t>(view.camera)].name;
         const int frame = set.capture.frames[static_cast<std::size_t>(view.frame)];
         Json row{{"camera", camera}, {"frame", frame}};
+        if (!report) {
+            row["reason"] = "nobody in the mask";
+            leftOut.push_back(std::move(row));
+            continue;
+        }
         for (const auto& [name, value] : report->figures) row[name] = value;
         if (report->page) {
             const std::string name = fmt::format("pictures/{}_{}_{:08}.png", set.name, camera, frame);
@@ -266,15 +283,25 @@ Result<Json> evaluateSet(Evaluation& evaluation, const EvaluatedCapture& set, st
     }
     json["mean"] = means.json();
     json["views"] = std::move(views);
+    json["left_out"] = std::move(leftOut);
     return json;
 }
 
 Json vectorJson(const glm::dvec3& v) { return Json::array({v.x, v.y, v.z}); }
 
-void addLightFigures(const Evaluation& evaluation, Json& report) {
+/// Of each set under its own light; of all together where they were under one, else null.
+void addLightFigures(const Evaluation& evaluation, Json& report, Json& sets) {
     if (!evaluation.avatar.light || evaluation.trueCubes.empty()) return;
-    const double correlation = irradianceCorrelation(*evaluation.avatar.light, evaluation.trueCubes.begin()->second);
-    report["light_irradiance_correlation"] = std::isfinite(correlation) ? Json(correlation) : Json(nullptr);
+    std::map<fs::path, Json> correlations;
+    for (const auto& [path, cube] : evaluation.trueCubes) {
+        const double correlation = irradianceCorrelation(*evaluation.avatar.light, cube);
+        correlations[path] = std::isfinite(correlation) ? Json(correlation) : Json(nullptr);
+    }
+    for (std::size_t i = 0; i < evaluation.sets.size(); ++i) {
+        const auto found = correlations.find(evaluation.sets[i].light);
+        if (found != correlations.end()) sets[i]["light_irradiance_correlation"] = found->second;
+    }
+    report["light_irradiance_correlation"] = correlations.size() == 1 ? correlations.begin()->second : Json(nullptr);
 }
 
 } // namespace
@@ -295,26 +322,35 @@ Result<Json> evaluateAvatar(const EvaluatedAvatar& avatar, const fs::path& captu
                 {"capture", capture.string()},
                 {"protocol", protocolName(options.protocol)},
                 {"protocol_text", protocolText(options.protocol)},
-                {"views", evaluation.viewCount()}};
+                {"views", 0}};
+    report["occluded"] = avatar.occlude;
     report["lpips"] = lpipsJson(evaluation);
     report["fid"] = nullptr;
     if (evaluation.ours.pixels > 0) {
         report["albedo_scale"] = vectorJson(evaluation.ours.value());
         report["photograph_scale"] = vectorJson(evaluation.photographs.value());
     }
-    addLightFigures(evaluation, report);
     Means all;
+    std::size_t views = 0;
     Json reports = Json::array();
     std::size_t before = 0;
     for (const EvaluatedCapture& set : evaluation.sets) {
         ARS_TRY(Json json, evaluateSet(evaluation, set, before, all, progress));
+        views += json.at("views").size();
         reports.push_back(std::move(json));
         before += set.views.size();
     }
+    if (views == 0) {
+        return makeError(ErrorCode::BadFile, capture.string(),
+                         fmt::format("expected pictures with a person in their masks, found none among {}", before));
+    }
+    report["views"] = views;
     report["mean"] = all.json();
+    addLightFigures(evaluation, report, reports);
     report["sets"] = std::move(reports);
     if (!options.outFolder.empty()) {
-        ARS_TRY_STATUS(writeFileAtomic(options.outFolder / "report.json", report.dump(2) + "\n"));
+        ARS_TRY_STATUS(writeFileAtomic(options.outFolder / "report.json",
+                                       report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"));
         ARS_TRY_STATUS(writeFileAtomic(options.outFolder / "report.txt", evaluationTable(report)));
     }
     ARS_TRY_STATUS(reportProgress(progress, 1.0, "evaluated"));

@@ -24,7 +24,8 @@ struct EvaluatedAvatar {
     std::optional<CubeMap> light; ///< that PBR pictures are shaded with; none: radiance only
     SplatParams splat;
     OcclusionParams occlusion;
-    bool occlude = true;
+    bool occlude = true; ///< false: shaded without occlusion, as it was trained
+    PoseSurfelsParams posing;
     std::string name;
 };
 
@@ -34,7 +35,7 @@ enum class EvaluationProtocol { Ag, HeldOut, Masked };
 
 struct EvaluationOptions {
     EvaluationProtocol protocol = EvaluationProtocol::Masked;
-    std::string split = "all"; ///< of namedSplit
+    std::string split; ///< of namedSplit; empty: the one that the protocol is about where the capture has it, else all
     std::string cameras, frames;
     std::filesystem::path outFolder; ///< report.json, report.txt, pictures/; empty: nothing is written
     int pictures = 8;                ///< how many views are written as pictures

@@ -79,6 +79,35 @@ std::string tripleText(const Json& triple) {
                        triple[2].get<double>());
 }
 
+/// The views without figures: "  left out, nobody in the mask: 22010708 3, 22010710 3".
+std::string leftOutText(const Json& set) {
+    constexpr std::size_t kMost = 8;
+    const Json& views = set.at("left_out");
+    if (views.empty()) return "";
+    std::string text = "  left out, nobody in the mask:";
+    for (std::size_t i = 0; i < std::min(views.size(), kMost); ++i) {
+        text += fmt::format("{} {} {}", i > 0 ? "," : "", views[i].value("camera", ""), views[i].value("frame", 0));
+    }
+    if (views.size() > kMost) text += fmt::format(" and {} more", views.size() - kMost);
+    return text + "\n";
+}
+
+/// One number for one light; where the sets were under several, one for each.
+std::string lightText(const Json& report) {
+    constexpr const char* kKey = "light_irradiance_correlation";
+    const auto line = [](const std::string& whose, const Json& value) {
+        const std::string number = value.is_number() ? fmt::format("{:.4f}", value.get<double>()) : "-";
+        return fmt::format("light{}: correlation of the irradiance   {}\n", whose, number);
+    };
+    if (!report.contains(kKey)) return "";
+    if (report.at(kKey).is_number()) return line("", report.at(kKey));
+    std::string text;
+    for (const Json& set : report.at("sets")) {
+        if (set.contains(kKey) && set.at(kKey).is_number()) text += line(" of " + set.value("name", ""), set.at(kKey));
+    }
+    return text;
+}
+
 } // namespace
 
 std::string evaluationTable(const Json& report) {
@@ -88,6 +117,7 @@ std::string evaluationTable(const Json& report) {
     for (const Json& set : report.at("sets")) {
         text += fmt::format("{}: split {}, cameras {}, frames {}\n", set.value("name", ""), set.value("split", ""),
                             joined(set.at("cameras")), joined(set.at("frames")));
+        text += leftOutText(set);
         columns.emplace_back(set.value("name", ""), &set.at("mean"));
     }
     if (columns.size() > 1) columns.emplace_back("all", &report.at("mean"));
@@ -105,10 +135,7 @@ std::string evaluationTable(const Json& report) {
     text += "\n";
     if (report.contains("albedo_scale"))
         text += fmt::format("albedo scale (red, green, blue)        {}\n", tripleText(report.at("albedo_scale")));
-    if (report.contains("light_irradiance_correlation") && report.at("light_irradiance_correlation").is_number()) {
-        text += fmt::format("light: correlation of the irradiance   {:.4f}\n",
-                            report.at("light_irradiance_correlation").get<double>());
-    }
+    text += lightText(report);
     if (report.at("lpips").is_object()) {
         text += fmt::format("LPIPS with the weights                 {}, {}\n", report.at("lpips").value("backbone", ""),
                             report.at("lpips").value("heads", ""));

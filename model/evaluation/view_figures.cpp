@@ -1,7 +1,9 @@
 #include "model/evaluation/evaluated_view.h"
 
+#include "engine/capture/view_preparation.h"
 #include "engine/io/jpeg.h"
 #include "engine/metrics/image_metrics.h"
+#include "model/loss/perceptual_patch.h"
 #include "model/run/run_failure.h"
 
 #include <ATen/ATen.h>
@@ -12,6 +14,9 @@
 
 namespace ars::detail {
 namespace {
+
+constexpr int kPublishedMargin = 50;         ///< pixels around the mask's box (avatar reference 7)
+constexpr std::int64_t kPublishedSide = 512; ///< to which that is resized
 
 ImageView<const float> viewOfImage(const Image& image) {
     return {image.pixels.data(), image.width, image.height, image.channels};
@@ -47,11 +52,16 @@ Result<Image> throughJpeg(const Image& picture) {
     return std::move(file.image);
 }
 
-/// Same pictures, same numbers: LPIPS of floats, as its authors compute it of pictures in [-1, 1].
-Result<double> lpipsOf(const PerceptualLoss& lpips, const Image& picture, const Image& target) {
+/// Same pictures, same numbers: LPIPS of floats, as its authors compute it of pictures in [-1, 1]; `size` > 0: of
+/// squares that are resized to it.
+Result<double> lpipsOf(const PerceptualLoss& lpips, const Image& picture, const Image& target, std::int64_t size) {
     return withoutExceptions<Result<double>>("LPIPS", [&]() -> Result<double> {
         const at::NoGradGuard off;
-        return lpips.evaluate(tensorOf(viewOfImage(picture)), tensorOf(viewOfImage(target))).item<double>();
+        const auto sized = [&](const Image& image) {
+            const at::Tensor whole = tensorOf(viewOfImage(image));
+            return size == 0 ? whole : perceptualPatch(whole, {0, 0, whole.size(0)}, size, at::ones({3}));
+        };
+        return lpips.evaluate(sized(picture), sized(target)).item<double>();
     });
 }
 
@@ -62,6 +72,28 @@ Status add(Figures& figures, std::string name, const Result<double>& value) {
 }
 
 } // namespace
+
+Image publishedCrop(const Image& picture, const Image& mask) {
+    PixelBox box = maskBounds(mask, 128);
+    const int right = std::min(box.x + box.width + kPublishedMargin, picture.width);
+    const int bottom = std::min(box.y + box.height + kPublishedMargin, picture.height);
+    box.x = std::max(box.x - kPublishedMargin, 0);
+    box.y = std::max(box.y - kPublishedMargin, 0);
+    box.width = right - box.x;
+    box.height = bottom - box.y;
+    const Image part = cropped(picture, box);
+    const int side = std::max(part.width, part.height);
+    Image square = part;
+    square.width = square.height = side;
+    square.pixels.assign(static_cast<std::size_t>(side) * static_cast<std::size_t>(side * part.channels), 1.0f);
+    const int left = (side - part.width) / 2, top = (side - part.height) / 2;
+    for (int row = 0; row < part.height; ++row) {
+        for (int column = 0; column < part.width; ++column) {
+            for (int c = 0; c < part.channels; ++c) square.at(top + row, left + column, c) = part.at(row, column, c);
+        }
+    }
+    return square;
+}
 
 Result<double> uniformSsim(const Image& a, const Image& b) {
     constexpr int kSide = 7;
@@ -112,7 +144,11 @@ Status PictureJudge::judge(const std::string& name, const Image& masked, Image w
     ARS_TRY_STATUS(
         add(figures, name + "_ssim_full",
             published ? uniformSsim(white, target) : structuralSimilarity(viewOfImage(white), viewOfImage(target))));
-    return lpips ? add(figures, name + "_lpips", lpipsOf(*lpips, white, target)) : Status();
+    if (!lpips) return {};
+    if (!published) return add(figures, name + "_lpips", lpipsOf(*lpips, white, target, 0));
+    return add(
+        figures, name + "_lpips",
+        lpipsOf(*lpips, publishedCrop(white, photograph.mask), publishedCrop(target, photograph.mask), kPublishedSide));
 }
 
 Status judgeGeometry(const RenderedView& ours, const TrueBuffers& truth, const Photograph& photograph,

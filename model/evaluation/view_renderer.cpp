@@ -36,6 +36,7 @@ FrameInputs ViewRenderer::inputsFor(const Pose& pose, const Camera& camera) cons
     inputs.camera = camera;
     inputs.radii = avatar_.radii;
     inputs.splat = avatar_.splat;
+    inputs.posing = avatar_.posing;
     inputs.occlusion.method = avatar_.occlude ? OcclusionMethod::ScreenSpace : OcclusionMethod::Off;
     inputs.occlusion.screenSpace = avatar_.occlusion;
     inputs.occlusion.screenSpace.quality = OcclusionQuality::Full;

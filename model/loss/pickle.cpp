@@ -14,7 +14,9 @@ namespace {
 
 constexpr std::array<std::string_view, 4> kCallables{"collections OrderedDict", "torch._utils _rebuild_tensor_v2",
                                                      "torch._utils _rebuild_tensor", "torch._utils _rebuild_parameter"};
-constexpr std::size_t kMaxNodes = 1u << 22;
+constexpr std::size_t kMaxNodes = 1u << 22; ///< also of what all of them hold together
+constexpr std::size_t kMaxKeyBytes = 256;   ///< storages' keys are short numbers
+constexpr std::size_t kMaxSides = 64;       ///< of a tensor, as in PyTorch
 
 bool isStorageGlobal(std::string_view name) {
     return (name.starts_with("torch ") || name.starts_with("torch.storage ")) && name.ends_with("Storage");
@@ -31,14 +33,19 @@ public:
             opcodeAt_ = at_;
             const auto opcode = static_cast<unsigned char>(bytes_[at_++]);
             ARS_TRY_STATUS(step(opcode));
-            if (result_.nodes.size() > kMaxNodes || stack_.size() > kMaxNodes)
-                return bad("expected at most 4 million things");
+            if (result_.nodes.size() > kMaxNodes || stack_.size() > kMaxNodes) return tooMany();
         }
         result_.length = at_;
         return std::move(result_);
     }
 
 private:
+    Error tooMany() const { return bad("expected at most 4 million things"); }
+    /// Before things are put into a node: what one memo holds can be asked for again with two bytes of the file.
+    Status hasRoomFor(std::size_t count) {
+        held_ += count;
+        return held_ > kMaxNodes ? Status(tooMany()) : Status();
+    }
     Error bad(std::string message) const {
         return makeError(ErrorCode::BadFile, fmt::format("byte {}", opcodeAt_), std::move(message));
     }
@@ -120,6 +127,7 @@ private:
     std::span<const std::byte> bytes_;
     std::size_t at_ = 0, opcodeAt_ = 0;
     bool stopped_ = false;
+    std::size_t held_ = 0; ///< items and entries of all nodes together
     std::vector<PickleValue> stack_;
     std::vector<std::size_t> marks_;
     std::unordered_map<std::uint32_t, PickleValue> memo_;
@@ -270,6 +278,7 @@ Status Machine::stepMemo(unsigned char opcode) {
 
 Status Machine::tuple(std::size_t count) {
     ARS_TRY_STATUS(hold(count));
+    ARS_TRY_STATUS(hasRoomFor(count));
     std::vector<PickleValue> items(stack_.end() - static_cast<std::ptrdiff_t>(count), stack_.end());
     stack_.resize(stack_.size() - count);
     pushNode(PickleKind::Sequence).items = std::move(items);
@@ -279,6 +288,7 @@ Status Machine::tuple(std::size_t count) {
 Status Machine::append(std::vector<PickleValue> items) {
     ARS_TRY_STATUS(hold(1));
     if (stack_.back().kind != PickleKind::Sequence) return bad("expected a list to append to");
+    ARS_TRY_STATUS(hasRoomFor(items.size()));
     auto& list = nodeOf(stack_.back()).items;
     list.insert(list.end(), items.begin(), items.end());
     return {};
@@ -289,6 +299,7 @@ Status Machine::setItems(const std::vector<PickleValue>& items) {
     if (items.size() % 2 != 0) return bad("expected keys and values in pairs");
     if (stack_.back().kind == PickleKind::Opaque) return {};
     if (stack_.back().kind != PickleKind::Dictionary) return bad("expected a dictionary to set entries of");
+    ARS_TRY_STATUS(hasRoomFor(items.size() / 2));
     auto& entries = nodeOf(stack_.back()).entries;
     for (std::size_t i = 0; i < items.size(); i += 2) entries.emplace_back(items[i], items[i + 1]);
     return {};
@@ -311,6 +322,7 @@ Status Machine::stepContainer(unsigned char opcode) {
         return tuple(3);
     case 't': {
         ARS_TRY(auto items, popToMark());
+        ARS_TRY_STATUS(hasRoomFor(items.size()));
         pushNode(PickleKind::Sequence).items = std::move(items);
         return {};
     }
@@ -355,12 +367,15 @@ Status Machine::global() {
 Status Machine::persistent() {
     ARS_TRY_STATUS(hold(1));
     const PickleValue id = pop();
-    const auto items = id.kind == PickleKind::Sequence ? nodeOf(id).items : std::vector<PickleValue>();
+    const std::string wanted = "expected a storage as type, key, device and count";
+    if (id.kind != PickleKind::Sequence) return bad(wanted);
+    const std::vector<PickleValue>& items = nodeOf(id).items;
     if (items.size() < 5 || items[1].kind != PickleKind::Global || !isStorageGlobal(nodeOf(items[1]).text) ||
         !isText(items[2]) || items[4].kind != PickleKind::Integer || items[4].integer < 0) {
-        return bad("expected a storage as type, key, device and count");
+        return bad(wanted);
     }
     const std::string type = nodeOf(items[1]).text, key = nodeOf(items[2]).text;
+    if (key.size() > kMaxKeyBytes) return bad(fmt::format("expected a storage's key of up to {} bytes", kMaxKeyBytes));
     PickleNode& storage = pushNode(PickleKind::Storage);
     storage.storageType = type.substr(type.find(' ') + 1);
     storage.text = key;
@@ -370,6 +385,7 @@ Status Machine::persistent() {
 
 Result<std::vector<std::int64_t>> Machine::integersOf(const PickleValue& value, std::string_view what) {
     if (value.kind != PickleKind::Sequence) return bad(fmt::format("expected a tuple as {}", what));
+    if (nodeOf(value).items.size() > kMaxSides) return bad(fmt::format("expected {} of up to {}", what, kMaxSides));
     std::vector<std::int64_t> result;
     for (const PickleValue& item : nodeOf(value).items) {
         if (item.kind != PickleKind::Integer || item.integer < 0)
@@ -402,7 +418,7 @@ Status Machine::reduce() {
     if (callable.kind != PickleKind::Global || argumentValue.kind != PickleKind::Sequence)
         return bad("expected a call of a known name");
     const std::string name = nodeOf(callable).text;
-    const std::vector<PickleValue> arguments = nodeOf(argumentValue).items;
+    const std::vector<PickleValue>& arguments = nodeOf(argumentValue).items; // a deque's elements stay in place
     if (name == "torch._utils _rebuild_tensor_v2" || name == "torch._utils _rebuild_tensor")
         return rebuildTensor(arguments);
     if (name == "torch._utils _rebuild_parameter") {
@@ -413,6 +429,7 @@ Status Machine::reduce() {
     if (name != "collections OrderedDict") return bad("expected a call of a known name");
     std::vector<std::pair<PickleValue, PickleValue>> entries;
     if (!arguments.empty() && arguments[0].kind == PickleKind::Sequence) {
+        ARS_TRY_STATUS(hasRoomFor(nodeOf(arguments[0]).items.size()));
         for (const PickleValue& pair : nodeOf(arguments[0]).items) {
             if (pair.kind != PickleKind::Sequence || nodeOf(pair).items.size() != 2)
                 return bad("expected pairs of key and value");

@@ -117,6 +117,16 @@ std::vector<ViewId> viewsOfStep(const Capture& capture, const CaptureSplit& spli
     return viewsAmong(capture, split, usedFrames(capture, split), options, step);
 }
 
+std::size_t sampleBytes(const TrainingSample& sample) {
+    std::size_t values = 0;
+    for (const auto& view : sample.views) {
+        for (const Image* image : {&view->color, &view->mask, &view->band, &view->unknown}) {
+            values += image->pixels.size();
+        }
+    }
+    return values * sizeof(float);
+}
+
 struct DataReader::State {
     std::shared_ptr<const Capture> capture;
     CaptureSplit split;
@@ -128,8 +138,17 @@ struct DataReader::State {
     std::mutex mutex; ///< of all that follows
     std::condition_variable changed;
     std::vector<Result<TrainingSample>> ready; ///< room for all that are read ahead is made before the thread starts
+    std::size_t readyBytes = 0;                ///< of the samples in `ready`
+    std::size_t largest = 0; ///< bytes of the largest sample so far: what the next one is taken to need
     bool stopping = false;
     std::thread thread;
+
+    /// Crops differ in size, so the next sample may turn out larger than any before: the bound may be missed by that.
+    bool hasRoom() const {
+        if (ready.empty()) return true;
+        return ready.size() < static_cast<std::size_t>(options.prefetch) &&
+               readyBytes + largest <= options.prefetchBytes;
+    }
 
     Result<TrainingSample> sampleOf(std::int64_t step) {
         const std::vector<ViewId> views = viewsAmong(*capture, split, frames, options, step);
@@ -164,13 +183,15 @@ struct DataReader::State {
         for (;; ++step) {
             {
                 std::unique_lock lock(mutex);
-                changed.wait(lock,
-                             [&] { return stopping || ready.size() < static_cast<std::size_t>(options.prefetch); });
+                changed.wait(lock, [&] { return stopping || hasRoom(); });
                 if (stopping) return;
             }
             Result<TrainingSample> sample = guardedSampleOf(step);
             const std::lock_guard lock(mutex);
             if (stopping) return;
+            const std::size_t bytes = sample ? sampleBytes(*sample) : 0;
+            readyBytes += bytes;
+            largest = std::max(largest, bytes);
             ready.push_back(std::move(sample));
             changed.notify_all();
         }
@@ -224,6 +245,7 @@ Result<TrainingSample> DataReader::next() {
     state_->changed.wait(lock, [&] { return !state_->ready.empty(); });
     Result<TrainingSample> sample = std::move(state_->ready.front());
     state_->ready.erase(state_->ready.begin());
+    if (sample) state_->readyBytes -= sampleBytes(*sample);
     lock.unlock();
     state_->changed.notify_all();
     state_->waitedMs = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();

@@ -22,7 +22,8 @@ struct DataOptions {
     std::size_t cacheBytes = std::size_t(1) << 30; ///< decoded crops kept in memory
     std::filesystem::path cacheFolder;             ///< decoded crops kept on disk, empty: none; safe to delete
     std::size_t cacheFolderBytes = std::size_t(8) << 30;
-    int prefetch = 4; ///< samples that are read ahead
+    int prefetch = 4;                                   ///< samples that are read ahead
+    std::size_t prefetchBytes = std::size_t(256) << 20; ///< and their decoded pictures; one sample may exceed it
 };
 
 /// The sample of a step is a function of seed and step alone, so an interrupted run continues with the same pictures:
@@ -30,7 +31,10 @@ struct DataOptions {
 std::vector<ViewId> viewsOfStep(const Capture& capture, const CaptureSplit& split, const DataOptions& options,
                                 std::int64_t step);
 
-/// Reads samples ahead on a thread of its own, bounded by `prefetch`. One consumer.
+/// Bytes of a sample's decoded pictures.
+std::size_t sampleBytes(const TrainingSample& sample);
+
+/// Reads samples ahead on a thread of its own, bounded by `prefetch` and `prefetchBytes`. One consumer.
 class DataReader {
 public:
     static Result<std::unique_ptr<DataReader>> start(std::shared_ptr<const Capture> capture, CaptureSplit split,

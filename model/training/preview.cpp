@@ -28,6 +28,7 @@ Result<Image> previewPicture(const AvatarModel& model, const Pose& pose, const C
     inputs.camera = photograph.camera;
     inputs.radii = learnedRadii(model.spec);
     inputs.splat = options.splat;
+    inputs.posing = shownPosing(model.spec);
     inputs.occlusion.screenSpace = options.occlusion;
     if (!options.occlude) inputs.occlusion.method = OcclusionMethod::Off;
     std::vector<BufferId> wanted{BufferId::Radiance, BufferId::Normal, BufferId::Opacity};

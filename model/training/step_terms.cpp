@@ -44,6 +44,12 @@ RawAttributes zerosLike(const RawAttributes& raw) {
     return zero;
 }
 
+/// Mean |opacity - mask| over the pixels of which the photograph says anything.
+at::Tensor opacityMaskLoss(const at::Tensor& opacity, const at::Tensor& mask, const Image& unknown) {
+    if (unknown.pixels.empty()) return (opacity - mask).abs().mean();
+    return l1Loss(opacity, mask, 1.0 - tensorOf(pictureView(unknown)));
+}
+
 } // namespace
 
 struct StepTerms::View {
@@ -221,7 +227,8 @@ void StepTerms::addGeometry(const GBufferTensors& gbuffer, const View& view, Los
     if (config_.loss.opacityMask > 0.0) {
         // Soft alpha says where the outline runs within a pixel, so the band takes part.
         const at::Tensor mask = tensorOf(pictureView(view.photograph.mask));
-        terms.add("opacity_mask", view.share * config_.loss.opacityMask, (opacity - mask).abs().mean());
+        terms.add("opacity_mask", view.share * config_.loss.opacityMask,
+                  opacityMaskLoss(opacity, mask, view.photograph.unknown));
     }
 }
 

@@ -138,6 +138,9 @@ private:
         spec.network = config_.network;
         spec.decoding = config_.decoding;
         spec.splat = config_.splat;
+        spec.occluded = config_.freeze.radii != RadiusTraining::Off;
+        spec.occlusion = config_.occlusion;
+        spec.posing = config_.posing;
         spec.preset = config_.preset;
         spec.maps.centerM = canonicalCenter(body, shape);
         ARS_TRY(state_.model, createAvatar(std::move(spec), std::move(mesh), shaped,

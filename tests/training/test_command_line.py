@@ -1,6 +1,8 @@
 """`ars train` and `ars eval` as they are called: exit codes, requests, Ctrl-C, JSON, wrong usage, broken captures."""
 import json
+import os
 import pathlib
+import resource
 import shutil
 import signal
 import struct
@@ -125,7 +127,9 @@ def usage(capture, folder):
             (["train", "--run", folder / "none", "--request", "stop"], ("no run folder",)),
             (runs.train_arguments(folder / "plain", capture, runs.SMALL), ("notes.txt",)),
             (runs.train_arguments(folder / "none", folder / "nowhere", runs.SMALL), ("nowhere",)),
-            (["eval", "--avatar", folder / "plain", "--capture", capture, "--out", folder / "o"], ("no avatar",)),
+            (runs.train_arguments(folder / "none", os.fsdecode(b"capt\xffure"), runs.SMALL), ("UTF-8",)),
+            (["eval", "--avatar", folder / "plain", "--capture", capture, "--out", folder / "o"],
+             ("avatar.json",)),
             (["eval", "--avatar", folder / "none", "--capture", capture, "--out", folder / "o"], ("--avatar", "none")),
             (["eval", "--avatar", folder / "plain", "--capture", folder / "none", "--out", folder / "o"],
              ("--capture",))):
@@ -243,6 +247,56 @@ def evaluated(run, capture, folder):
     assert "radiance, PSNR in the mask" in (out / "report.txt").read_text()
 
 
+def exported(run, capture, folder):
+    """The run's avatar as a folder of its own: opens, is judged as the run is, and is shaded as it says itself."""
+    avatar = folder / "anna.avatar"
+    runs.succeed("export", "--avatar", run, "--out", f"{avatar}/", "--quiet")
+    assert (avatar / "preview.png").exists() and not (avatar / "trainer.safetensors").exists()
+    assert "trained avatar" in runs.succeed("info", avatar)
+    means = [json.loads(runs.succeed("eval", "--avatar", which, "--capture", capture, "--out", folder / "of", "--frames",
+                                     "0", "--cameras", CAMERAS[0], "--pictures", "0", "--json"))["mean"]
+             for which in (run, avatar)]
+    assert means[0] == means[1], means
+    code, _, errors = runs.ars("export", "--avatar", run, "--out", folder / "anna")
+    wrong_usage(code, errors, "--out", "NAME.avatar")
+    code, _, errors = runs.ars("export", "--avatar", run, "--out", avatar, "--pose", "rest")
+    wrong_usage(code, errors, "--pose")
+    (avatar / "notes.txt").write_text("mine")
+    code, _, errors = runs.ars("export", "--avatar", run, "--out", avatar)
+    assert code != 0 and "notes.txt" in errors and (avatar / "notes.txt").exists(), errors
+    (avatar / "notes.txt").unlink()
+
+    def picture(name, *words):
+        runs.succeed("render", "--avatar", avatar, "--size", "48x48", "--light-size", "64", "--device", "cpu", "--aov",
+                     "ao", "--write", "buffers", "--quiet", "--out", folder / name, *words)
+        return b"".join(path.read_bytes() for path in sorted((folder / name).rglob("*ao*.png")))
+    shaded, off = picture("shaded"), picture("off", "--occlusion", "off")
+    assert shaded and shaded != off, "it was trained with occlusion"
+    description = json.loads((avatar / "avatar.json").read_text())
+    assert description["occluded"] is True
+    description["occluded"] = False
+    (avatar / "avatar.json").write_text(json.dumps(description))
+    assert picture("without") == off, "trained without occlusion it is shown without"
+    assert picture("asked", "--occlusion", "body") == shaded, "what is asked for comes first"
+
+
+def refused_memory(run, capture, folder):
+    """An evaluation that is refused memory says so in one sentence, wherever that is."""
+    arguments = ["eval", "--avatar", run, "--capture", capture, "--out", folder / "small", "--frames", "0", "--cameras",
+                 CAMERAS[0], "--pictures", "0", "--quiet"]
+    said = 0
+    for megabytes in range(700, 2600, 200):
+        bound = lambda: resource.setrlimit(resource.RLIMIT_AS, (megabytes << 20, resource.RLIM_INFINITY))
+        code, _, errors = runs.ars(*arguments, preexec_fn=bound)
+        print(f"ars eval in {megabytes} MB: {code}: {runs.last_line(errors)}", flush=True)
+        if code == 0:
+            break
+        lines = [line for line in errors.splitlines() if line.strip()]
+        assert len(lines) == 1 and len(lines[0]) < 400, errors
+        said += "memory" in lines[0] or "libars_model" in lines[0]
+    assert said > 0, "no limit was felt"
+
+
 def main():
     source = runs.capture()
     with runs.Folder() as folder:
@@ -256,6 +310,8 @@ def main():
         resumed_by_mistake(run)
         from_other_folders(run, folder)
         evaluated(run, capture, folder)
+        refused_memory(run, capture, folder)
+        exported(run, capture, folder)
 
 
 if __name__ == "__main__":

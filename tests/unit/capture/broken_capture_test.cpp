@@ -36,6 +36,16 @@ std::function<void(const SyntheticCapture&, const fs::path&)> withCamera(std::fu
     };
 }
 
+/// Gives the second camera of the calibration another name.
+std::function<void(const SyntheticCapture&, const fs::path&)> withName(std::string name) {
+    return [name](const SyntheticCapture& what, const fs::path& folder) {
+        const Json json = calibrationJson(what);
+        Json changed;
+        for (const auto& [key, camera] : json.items()) changed[key == what.cameraName(1) ? name : key] = camera;
+        writeBytes(folder / what.calibrationFile(), changed.dump());
+    };
+}
+
 std::function<void(const SyntheticCapture&, const fs::path&)> withCsv(std::string from, std::string to) {
     return [from, to](const SyntheticCapture& what, const fs::path& folder) {
         std::string text = calibrationCsv(what);
@@ -83,6 +93,13 @@ std::vector<Broken> brokenCaptures() {
         {"calibration_full.json", "the calibration has no camera"});
     add("WrongKey", withCamera([](Json& c) { c["Kmat"] = c["K"], c.erase("K"); }), ErrorCode::BadFile,
         {"calibration_full.json", "camera \"22010714\"", "K is missing"});
+    add("CameraNameLeadsOut", withName("../elsewhere"), ErrorCode::BadFile,
+        {"calibration_full.json", "\"../elsewhere\" is no camera name, expected the name of a folder"});
+    add("CameraNameIsThePlaceItself", withName("."), ErrorCode::BadFile, {"\".\" is no camera name"});
+    addOf(CaptureKind::THuman4, "THuman4CameraNameIsAPath", withName("/etc"), ErrorCode::BadFile,
+          {"calibration.json", "\"/etc\" is no camera name"});
+    addOf(CaptureKind::ActorsHq, "ActorsHqCameraNameIsThePlaceItself", withCsv("Cam002", "."), ErrorCode::BadFile,
+          {"4x/calibration.csv", "line 3", "\".\" is no camera name"});
     add("ShortMatrix", withCamera([](Json& c) { c["R"] = {1, 0, 0, 0, 1, 0, 0, 0}; }), ErrorCode::BadFile,
         {"camera \"22010714\"", "R has 8 numbers, expected 9 (row-major 3x3)"});
     add("NoRotation", withCamera([](Json& c) { c["R"] = {2, 0, 0, 0, 1, 0, 0, 0, 1}; }), ErrorCode::BadFile,
@@ -200,6 +217,20 @@ TEST(BrokenCapture, EachSaysWhatIsWrongInOneSentence) {
         ASSERT_FALSE(capture.ok());
         EXPECT_EQ(errorCodeName(capture.error().code), errorCodeName(broken.code));
         expectSentence(capture.error(), broken.words);
+    }
+}
+
+TEST(CameraName, IsTheNameOfAFolder) {
+    for (const std::string& name : {std::string("22010708"), std::string("Cam001"), std::string("front left"),
+                                    std::string("kamera\xc3\xa4"), std::string("..."), std::string("a..b")}) {
+        EXPECT_TRUE(checkCameraName(name).ok()) << name;
+    }
+    for (const std::string& name :
+         {std::string(), std::string("."), std::string(".."), std::string("../x"), std::string("a/b"), std::string("/"),
+          std::string("a\\b"), std::string("a\0b", 3), std::string("a\nb"), std::string("\x7f")}) {
+        const Status status = checkCameraName(name);
+        ASSERT_FALSE(status.ok()) << name;
+        expectSentence(status.error(), {"is no camera name"});
     }
 }
 

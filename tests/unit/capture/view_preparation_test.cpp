@@ -228,6 +228,44 @@ void expectSame(const CapturedView& a, const CapturedView& b) {
     EXPECT_EQ(a.band.sourceBits, b.band.sourceBits);
     EXPECT_EQ(a.mask.width, b.mask.width);
     EXPECT_EQ(a.band.channels, b.band.channels);
+    EXPECT_EQ(a.unknown.pixels, b.unknown.pixels);
+    EXPECT_EQ(a.unknown.width, b.unknown.width);
+    EXPECT_EQ(a.unknown.sourceBits, b.unknown.sourceBits);
+}
+
+/// A person who is cut by the picture's edge on all sides, seen through a lens that sees less than the picture holds.
+CapturedView cutByTheLens(std::vector<double> distortion, int scale) {
+    CalibratedCamera camera{"c", SyntheticCapture{}.camera(0), std::move(distortion)};
+    const auto view = prepareView({0, 0}, camera, filledImage(40, 56, 3, 0.5f, ColorSpace::Srgb),
+                                  filledImage(40, 56, 1, 1.0f, ColorSpace::Data), {.scale = scale});
+    EXPECT_TRUE(view.ok());
+    return view ? *view : CapturedView();
+}
+
+TEST(View, WhatALensNeverSawIsUnknown) {
+    for (const int scale : {1, 3}) {
+        const CapturedView view = cutByTheLens({1.0, 0.0, 0.0, 0.0}, scale);
+        ASSERT_EQ(view.unknown.pixels.size(), view.mask.pixels.size());
+        std::size_t unknown = 0;
+        for (std::size_t i = 0; i < view.mask.pixels.size(); ++i) {
+            if (view.unknown.pixels[i] == 1.0f) {
+                ++unknown;
+                EXPECT_EQ(view.band.pixels[i], 1.0f) << "its colour is compared with nothing";
+                continue;
+            }
+            EXPECT_EQ(view.unknown.pixels[i], 0.0f);
+            EXPECT_EQ(view.mask.pixels[i], 1.0f) << "all that was seen is the person, scale " << scale;
+        }
+        EXPECT_GT(unknown, view.mask.pixels.size() / 20);
+        EXPECT_EQ(view.unknown.at(view.unknown.height / 2, view.unknown.width / 2, 0), 0.0f);
+        EXPECT_EQ(view.unknown.at(0, 0, 0), 1.0f);
+        const auto again = unpackView(packView(view));
+        ASSERT_TRUE(again.ok()) << again.error().describe();
+        expectSame(view, *again);
+    }
+    // 40 x 56 is no multiple of 3: the last column and row are made of fewer pixels, but these were seen.
+    EXPECT_TRUE(cutByTheLens({}, 1).unknown.pixels.empty());
+    EXPECT_TRUE(cutByTheLens({}, 3).unknown.pixels.empty());
 }
 
 TEST(PackedView, KeepsEveryNumber) {

@@ -11,6 +11,7 @@
 #include <map>
 #include <numeric>
 #include <thread>
+#include <utility>
 
 namespace ars::test {
 namespace {
@@ -219,6 +220,34 @@ TEST_F(ReaderOfCapture, ReadsNoFurtherAheadThanAsked) {
     const auto all = start(withViews(3));
     for (int step = 0; step < 4; ++step) ASSERT_TRUE(all->next().ok());
     EXPECT_LE(few, all->cachedBytes() / 12 * 3 + 12);
+}
+
+TEST_F(ReaderOfCapture, ReadsNoMoreBytesAheadThanAsked) {
+    DataOptions options = withViews(3);
+    options.view.cropMargin = -1;
+    options.cacheBytes = std::size_t(1) << 30;
+    // Three views of 40 x 56 pixels in colour, mask and band, as floats.
+    const std::size_t sample = 3 * 40 * 56 * (3 + 1 + 1) * sizeof(float);
+    const auto decodedAhead = [&](std::size_t bytes) {
+        options.prefetchBytes = bytes;
+        const auto reader = start(options);
+        std::size_t before = 0, now = reader->cachedBytes();
+        // Until nothing more comes.
+        for (int still = 0; still < 10; still = now == before ? still + 1 : 0) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(20));
+            before = std::exchange(now, reader->cachedBytes());
+        }
+        EXPECT_TRUE(reader->next().ok());
+        return now;
+    };
+    const std::size_t one = decodedAhead(1), two = decodedAhead(2 * sample), all = decodedAhead(100 * sample);
+    EXPECT_GT(one, 0u) << "one sample is always read";
+    EXPECT_NEAR(static_cast<double>(two), 2.0 * static_cast<double>(one), 0.2 * static_cast<double>(one));
+    EXPECT_NEAR(static_cast<double>(all), 4.0 * static_cast<double>(one), 0.4 * static_cast<double>(one));
+    const auto reader = start(options);
+    const auto first = reader->next();
+    ASSERT_TRUE(first.ok());
+    EXPECT_EQ(sampleBytes(*first), sample);
 }
 
 TEST_F(ReaderOfCapture, StopsWhileItReadsAndWhileItWaits) {

@@ -5,6 +5,7 @@
 #include "engine/core/file.h"
 #include "engine/frame/rest_avatar.h"
 #include "engine/io/exr.h"
+#include "engine/io/jpeg.h"
 #include "engine/io/png.h"
 #include "engine/io/safetensors.h"
 #include "engine/light/cube_map.h"
@@ -13,6 +14,7 @@
 #include "engine/rig/motion.h"
 #include "model/evaluation/evaluated_view.h"
 #include "tests/support/test_data.h"
+#include "tests/unit/capture/synthetic_capture.h"
 #include "tests/unit/model/lpips_fixture.h"
 
 #include <ATen/ATen.h>
@@ -238,6 +240,129 @@ TEST_F(EvaluationOfItself, FindsTheRoundingOfTheFilesAndNothingElse) {
     EXPECT_FALSE(fs::is_empty(options.outFolder / "pictures"));
 }
 
+TEST_F(EvaluationOfItself, AnAvatarWithoutOcclusionIsShadedWithoutIt) {
+    avatar_.occlude = false;
+    writeItself([](Told&) {});
+    EXPECT_NEAR(evaluated().at("mean").at("relit_unscaled_psnr_mask").get<double>(), meanPsnr(), 1e-3);
+    avatar_.occlude = true;
+    EXPECT_LT(evaluated().at("mean").at("relit_unscaled_psnr_mask").get<double>(), meanPsnr() - 10.0);
+}
+
+TEST_F(EvaluationOfItself, ImportanceFallsOffAsInTraining) {
+    avatar_.posing.importanceFalloffM = 2.0f;
+    writeItself([](Told&) {});
+    EXPECT_GT(evaluated().at("mean").at("ao_psnr").get<double>(), 120.0);
+    avatar_.posing.importanceFalloffM = 0.02f;
+    EXPECT_LT(evaluated().at("mean").at("ao_psnr").get<double>(), 80.0);
+}
+
+TEST_F(EvaluationOfItself, AViewWithoutThePersonIsLeftOutAndSaid) {
+    int views = 0;
+    writeItself([&](Told& told) {
+        if (views++ == 1) std::fill(told.alpha.pixels.begin(), told.alpha.pixels.end(), 0.0f); // camera 0, frame 1
+    });
+    const auto report = evaluated();
+    EXPECT_EQ(report.at("views"), 3);
+    const auto& set = report.at("sets")[0];
+    EXPECT_EQ(set.at("views").size(), 3u);
+    ASSERT_EQ(set.at("left_out").size(), 1u);
+    EXPECT_EQ(set.at("left_out")[0].at("camera"), kCameras[0]);
+    EXPECT_EQ(set.at("left_out")[0].at("frame"), 1);
+    EXPECT_EQ(set.at("left_out")[0].at("reason"), "nobody in the mask");
+    EXPECT_GT(report.at("mean").at("albedo_psnr").get<double>(), 120.0) << "the others count as ever";
+    const std::string table = evaluationTable(report);
+    EXPECT_NE(table.find("left out, nobody in the mask: 22010716 1\n"), std::string::npos) << table;
+}
+
+TEST_F(EvaluationOfItself, NobodyAnywhereIsAnError) {
+    writeItself([&](Told& told) { std::fill(told.alpha.pixels.begin(), told.alpha.pixels.end(), 0.0f); });
+    const auto report = evaluateAvatar(avatar_, capture_, {});
+    ASSERT_FALSE(report.ok());
+    EXPECT_EQ(report.error().code, ErrorCode::BadFile);
+    EXPECT_NE(report.error().describe().find("none among 4"), std::string::npos) << report.error().describe();
+}
+
+TEST_F(EvaluationOfItself, EverySetIsComparedWithItsOwnLight) {
+    writeItself([](Told&) {});
+    const fs::path both = folder_ / "both";
+    for (const char* name : {"one", "two"}) fs::copy(capture_, both / name, fs::copy_options::recursive);
+    auto sky = readEnvironment(both / "two" / "lights" / "sky.exr");
+    ASSERT_TRUE(sky.ok()) << sky.error().describe();
+    Image turned = sky->picture;
+    for (int row = 0; row < turned.height; ++row) {
+        for (int column = 0; column < turned.width; ++column) {
+            for (int c = 0; c < 3; ++c) turned.at(row, column, c) = sky->picture.at(turned.height - 1 - row, column, c);
+        }
+    }
+    writeExrOf(both / "two" / "lights" / "sky.exr", turned);
+    const auto report = evaluateAvatar(avatar_, both, {});
+    ASSERT_TRUE(report.ok()) << report.error().describe();
+    constexpr const char* kKey = "light_irradiance_correlation";
+    EXPECT_TRUE(report->at(kKey).is_null()) << "there is no one light of both";
+    ASSERT_EQ(report->at("sets").size(), 2u);
+    EXPECT_NEAR(report->at("sets")[0].at(kKey).get<double>(), 1.0, 1e-9);
+    EXPECT_LT(report->at("sets")[1].at(kKey).get<double>(), 0.9) << "upside down";
+    const std::string table = evaluationTable(*report);
+    EXPECT_NE(table.find("light of one: correlation of the irradiance   1.0000\n"), std::string::npos) << table;
+    EXPECT_NE(table.find("light of two: "), std::string::npos) << table;
+}
+
+TEST_F(EvaluationOfItself, AFolderThatIsNoUtf8IsReported) {
+    writeItself([](Told&) {});
+    const fs::path odd = folder_ / "capt\xffure";
+    fs::rename(capture_, odd);
+    EvaluationOptions options;
+    options.frames = "0";
+    options.outFolder = folder_ / "out";
+    const auto report = evaluateAvatar(avatar_, odd, options);
+    ASSERT_TRUE(report.ok()) << report.error().describe();
+    const auto written = readTextFile(options.outFolder / "report.json");
+    ASSERT_TRUE(written.ok());
+    EXPECT_NE(written->find("capt\xef\xbf\xbdure"), std::string::npos);
+}
+
+TEST(EvaluatedCaptures, TheSplitThatIsNamedIsTaken) {
+    test::SyntheticCapture what;
+    what.cameras = 16;
+    what.frames = 1;
+    const test::TemporaryFolder folder;
+    test::writeCapture(what, folder / "avatarrex_zzr");
+    const auto splitOf = [&](const std::string& split, EvaluationProtocol protocol) {
+        EvaluationOptions options;
+        options.split = split;
+        options.protocol = protocol;
+        const auto sets = detail::openEvaluatedCaptures(folder / "avatarrex_zzr", options);
+        EXPECT_TRUE(sets.ok()) << sets.error().describe();
+        return sets ? sets->front().split : CaptureSplit();
+    };
+    EXPECT_EQ(splitOf("", EvaluationProtocol::Ag).name, "ag");
+    EXPECT_EQ(splitOf("", EvaluationProtocol::HeldOut).cameras, (std::vector<int>{7, 13}));
+    EXPECT_EQ(splitOf("", EvaluationProtocol::Masked).cameras.size(), 16u);
+    for (const auto protocol : {EvaluationProtocol::Ag, EvaluationProtocol::HeldOut, EvaluationProtocol::Masked}) {
+        const CaptureSplit all = splitOf("all", protocol);
+        EXPECT_EQ(all.name, "all");
+        EXPECT_EQ(all.cameras.size(), 16u);
+    }
+}
+
+TEST(EvaluatedCaptures, OfASequenceWithSeveralScalesTheSmallestIsTaken) {
+    test::SyntheticCapture what;
+    what.kind = CaptureKind::ActorsHq;
+    const test::TemporaryFolder folder;
+    test::writeCapture(what, folder / "sequence");
+    fs::copy(folder / "sequence" / "4x", folder / "sequence" / "2x", fs::copy_options::recursive);
+    const auto sets = detail::openEvaluatedCaptures(folder / "sequence", {});
+    ASSERT_TRUE(sets.ok()) << sets.error().describe();
+    ASSERT_EQ(sets->size(), 1u) << "one recording, however often it was scaled";
+    EXPECT_EQ(sets->front().name, "sequence");
+    EXPECT_NE(sets->front().capture.imagePath({0, 0}).string().find("/4x/"), std::string::npos);
+    // A folder of sequences is a folder of captures.
+    fs::copy(folder / "sequence", folder / "other", fs::copy_options::recursive);
+    const auto two = detail::openEvaluatedCaptures(folder.path(), {});
+    ASSERT_TRUE(two.ok()) << two.error().describe();
+    EXPECT_EQ(two->size(), 2u);
+}
+
 TEST_F(EvaluationOfItself, FindsErrorsOfKnownSizes) {
     constexpr float kTiltDeg = 10.0f;
     writeItself([](Told& told) {
@@ -323,6 +448,63 @@ TEST_F(EvaluationOfItself, LpipsIsToldWithItsNetworkWhereThereAreWeights) {
     const std::string table = evaluationTable(report);
     EXPECT_NE(table.find("PBR, LPIPS (alex)"), std::string::npos) << table;
     EXPECT_NE(table.find("\nFID "), std::string::npos) << table;
+}
+
+/// Pixels around the person in `mask`'s box, 50 a side, in the middle of white.
+TEST(PublishedCrop, IsTheMasksBoxAndFiftyPixelsInAWhiteSquare) {
+    Image picture, mask;
+    picture.width = mask.width = 300;
+    picture.height = mask.height = 200;
+    picture.channels = 3;
+    picture.pixels.resize(300 * 200 * 3);
+    for (std::size_t i = 0; i < picture.pixels.size(); ++i) picture.pixels[i] = static_cast<float>(i % 251) / 500.0f;
+    mask.channels = 1;
+    mask.pixels.assign(300 * 200, 0.0f);
+    for (int row = 20; row < 40; ++row) {
+        for (int column = 120; column < 180; ++column) mask.at(row, column, 0) = 1.0f;
+    }
+    // Columns 70 to 229, rows 0 to 89: 160 x 90, so 35 white rows above and below.
+    const Image crop = detail::publishedCrop(picture, mask);
+    ASSERT_EQ(crop.width, 160);
+    ASSERT_EQ(crop.height, 160);
+    for (const auto& [row, column] : {std::pair{0, 0}, {34, 80}, {125, 159}}) EXPECT_EQ(crop.at(row, column, 1), 1.0f);
+    for (const auto& [row, column] : {std::pair{35, 0}, {80, 77}, {124, 159}}) {
+        EXPECT_EQ(crop.at(row, column, 2), picture.at(row - 35, column + 70, 2));
+    }
+}
+
+TEST_F(EvaluationOfItself, PublishedProtocolsTakeLpipsOfTheCrop) {
+    writeItself([](Told&) {});
+    EvaluationOptions options;
+    options.protocol = EvaluationProtocol::Ag;
+    options.frames = "0";
+    options.cameras = kCameras[0];
+    options.lpipsBackbone = folder_ / "alex.safetensors";
+    options.lpipsHeads = folder_ / "heads.safetensors";
+    ASSERT_TRUE(writeSafetensors(options.lpipsBackbone, test::lpipsBackbone(test::kAlex)).ok());
+    ASSERT_TRUE(writeSafetensors(options.lpipsHeads, test::lpipsHeads({64, 192, 384, 256, 256})).ok());
+    const auto report = evaluated(options);
+    const auto loss = readLpips(options.lpipsBackbone, options.lpipsHeads);
+    ASSERT_TRUE(loss.ok()) << loss.error().describe();
+    // Fifty pixels around the person are all of a picture of 52 x 76: twelve white columns on either side.
+    const auto square = [](const Image& image) {
+        const at::Tensor whole = at::tensor(image.pixels).view({kHeight, kWidth, 3});
+        const at::Tensor white = at::ones({kHeight, (kHeight - kWidth) / 2, 3});
+        const at::Tensor padded = at::cat({white, whole, white}, 1).permute({2, 0, 1}).unsqueeze(0);
+        return at::upsample_bilinear2d(padded, {512, 512}, false).squeeze(0).permute({1, 2, 0}).contiguous();
+    };
+    Image target = photographs_[0];
+    for (std::size_t p = 0; p < alphas_[0].pixels.size(); ++p) {
+        if (alphas_[0].pixels[p] > 128.5f / 255.0f) continue;
+        for (std::size_t c = 0; c < 3; ++c) target.pixels[3 * p + c] = 1.0f;
+    }
+    const auto bytes = encodeJpeg(overWhite_[0], 95);
+    ASSERT_TRUE(bytes.ok());
+    const auto jpeg = parseJpeg(*bytes);
+    ASSERT_TRUE(jpeg.ok());
+    const double expected = (*loss)->evaluate(square(jpeg->image), square(target)).item<double>();
+    EXPECT_GT(expected, 1e-5);
+    EXPECT_NEAR(report.at("mean").at("relit_unscaled_lpips").get<double>(), expected, 1e-4 * expected);
 }
 
 TEST_F(EvaluationOfItself, LpipsFilesThatDoNotFitAreNamedBeforeAnythingIsRendered) {

@@ -3,6 +3,7 @@
 #include "engine/core/file.h"
 #include "engine/io/safetensors.h"
 #include "model/loss/perceptual_patch.h"
+#include "model/loss/pickle.h"
 #include "model/loss/torch_file.h"
 #include "tests/support/test_data.h"
 #include "tests/unit/model/lpips_fixture.h"
@@ -85,6 +86,30 @@ TEST(TorchFile, CutOrForeignFilesAreRefused) {
                                 "0123456789.cposix\nsystem\nU\x04trueR.";
     ASSERT_TRUE(writeFileAtomic(folder / "bad.pth", hostile).ok());
     EXPECT_FALSE(readTorchFile(folder / "bad.pth").ok());
+}
+
+/// Protocol 2: OrderedDict as memo 0, a list of `pairs` as memo 1, then OrderedDict(list) `calls` times.
+std::string manyDictionaries(std::size_t pairs, std::size_t calls) {
+    std::string text = "\x80\x02"
+                       "ccollections\nOrderedDict\nq";
+    text += std::string(1, '\0') + "0]q\x01(";
+    for (std::size_t i = 0; i < pairs; ++i) text += "K\x01K\x02\x86";
+    text += "e0";
+    for (std::size_t i = 0; i < calls; ++i) text += std::string("h\0h\x01\x85R0", 7);
+    return text + "N.";
+}
+
+TEST(Pickle, AMemoIsNoWayToMultiplyMemory) {
+    const auto parsed = [](std::size_t pairs, std::size_t calls) {
+        const std::string text = manyDictionaries(pairs, calls);
+        return detail::parsePickle(std::as_bytes(std::span(text)));
+    };
+    const auto few = parsed(1000, 100);
+    ASSERT_TRUE(few.ok()) << few.error().describe();
+    EXPECT_EQ(few->length, manyDictionaries(1000, 100).size());
+    const auto many = parsed(4000, 4000); // 16 million entries out of 44 kB
+    ASSERT_FALSE(many.ok());
+    EXPECT_NE(many.error().describe().find("at most 4 million things"), std::string::npos) << many.error().describe();
 }
 
 /// MS-SSIM in plain double tensors, all fields by 2-D convolution.

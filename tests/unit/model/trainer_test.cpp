@@ -1,11 +1,14 @@
+#include "engine/core/file.h"
 #include "engine/surfel/splat.h"
 #include "model/avatar/avatar_model.h"
 #include "model/plugin.h"
 #include "tests/unit/model/trainer_support.h"
 
 #include <ATen/ATen.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <cstdio>
 
 extern "C" ars::ModelPlugin* arsModelPlugin();
 
@@ -143,7 +146,87 @@ TEST_F(TrainerTest, RadiiMayStayFixedOrOcclusionBeLeftOut) {
         const Result<AvatarModel> model = readAvatar(saved(*task, radii == RadiusTraining::Fixed ? "fixed" : "off"));
         ASSERT_TRUE(model.ok()) << model.error().describe();
         EXPECT_EQ(model->spec.radiusOffsets, PartRadii{});
+        EXPECT_EQ(model->spec.occluded, radii == RadiusTraining::Fixed);
     }
+}
+
+/// Trained without occlusion, and with a falloff and a thickness of its own.
+TrainingConfig unusualConfig() {
+    TrainingConfig config = smallConfig();
+    config.freeze.radii = RadiusTraining::Off;
+    config.posing.importanceFalloffM = 0.31f;
+    config.occlusion.thicknessM = 0.22f;
+    return config;
+}
+
+TEST_F(TrainerTest, AnAvatarIsShownWithTheOcclusionThatItWasTrainedWith) {
+    const std::filesystem::path checkpoint = saved(*trainer(unusualConfig()), "a");
+    const Result<OpenedTrainedAvatar> opened = arsModelPlugin()->openAvatar(checkpoint, true, AvatarPrecision::Exact);
+    ASSERT_TRUE(opened.ok()) << opened.error().describe();
+    EXPECT_FALSE(opened->occluded);
+    EXPECT_EQ(opened->posing.importanceFalloffM, 0.31f);
+    EXPECT_EQ(opened->occlusion.thicknessM, 0.22f);
+    EXPECT_EQ(opened->occlusion.quality, OcclusionQuality::Full) << "the directions of a step are no picture's";
+    EXPECT_EQ(opened->occlusion.interactiveDirections, OcclusionParams().interactiveDirections);
+}
+
+TEST_F(TrainerTest, QuickNetworksGiveNearlyTheSameSurfels) {
+    const auto task = trainer(smallConfig());
+    run(*task, 8);
+    const std::filesystem::path checkpoint = saved(*task, "a");
+    Surfels exact, quick;
+    for (const auto precision : {AvatarPrecision::Exact, AvatarPrecision::Quick}) {
+        const auto opened = arsModelPlugin()->openAvatar(checkpoint, true, precision);
+        ASSERT_TRUE(opened.ok()) << opened.error().describe();
+        Surfels& surfels = precision == AvatarPrecision::Exact ? exact : quick;
+        ASSERT_TRUE(opened->evaluator->evaluate(restPose(55), nullptr, surfels).ok());
+        const bool said = opened->evaluator->description().find("bfloat16") != std::string::npos;
+        EXPECT_EQ(said, precision == AvatarPrecision::Quick && hasNativeBFloat16());
+    }
+    double geometry = 0, materials = 0;
+    for (std::size_t i = 0; i < exact.count(); ++i) {
+        geometry = std::max(geometry, double(glm::distance(exact.means[i], quick.means[i])));
+        materials = std::max(materials, double(glm::distance(exact.albedos[i], quick.albedos[i])));
+    }
+    EXPECT_LT(geometry, 1e-3) << "metres";
+    EXPECT_LT(materials, 1e-2);
+    if (!hasNativeBFloat16()) {
+        EXPECT_EQ(geometry + materials, 0.0);
+        std::puts("NOT RUN: bfloat16 networks, this CPU does not multiply it natively");
+        return;
+    }
+    EXPECT_GT(geometry + materials, 0.0) << "sixteen bits were used";
+}
+
+TEST_F(TrainerTest, EvaluationShadesAsTheAvatarWasTrained) {
+    for (const bool occluded : {false, true}) {
+        TrainingConfig config = unusualConfig();
+        if (occluded) config.freeze.radii = RadiusTraining::Fixed;
+        EvalRequest request;
+        request.avatar = saved(*trainer(config), occluded ? "with" : "without");
+        request.capture = folder_ / "capture";
+        const auto report = arsModelPlugin()->evaluate(request, {});
+        ASSERT_TRUE(report.ok()) << report.error().describe();
+        EXPECT_EQ(report->at("occluded"), occluded);
+    }
+}
+
+TEST_F(TrainerTest, AnAvatarFromBeforeOcclusionWasWrittenOpensWithTheUsualOne) {
+    const std::filesystem::path avatar = saved(*trainer(unusualConfig()), "a");
+    auto json = nlohmann::ordered_json::parse(readTextFile(avatar / "avatar.json").value());
+    for (const char* key : {"occluded", "occlusion", "posing"}) json.erase(key);
+    test::writeBytes(avatar / "avatar.json", json.dump());
+    const Result<AvatarModel> model = readAvatar(avatar);
+    ASSERT_TRUE(model.ok()) << model.error().describe();
+    EXPECT_TRUE(model->spec.occluded);
+    EXPECT_EQ(model->spec.occlusion, OcclusionParams());
+    EXPECT_EQ(model->spec.posing, PoseSurfelsParams());
+    json["occlusion"] = {{"last_step", 9000}};
+    test::writeBytes(avatar / "avatar.json", json.dump());
+    const Result<AvatarModel> broken = readAvatar(avatar);
+    ASSERT_FALSE(broken.ok());
+    EXPECT_NE(broken.error().describe().find("avatar.json"), std::string::npos) << broken.error().describe();
+    EXPECT_NE(broken.error().describe().find("last_step"), std::string::npos) << broken.error().describe();
 }
 
 TEST_F(TrainerTest, NumbersThatAreNoneAreNamedWithTheirStep) {
@@ -193,6 +276,73 @@ TEST_F(TrainerTest, BrokenAvatarFilesAreNamed) {
     model = readAvatar(avatar);
     ASSERT_FALSE(model.ok());
     EXPECT_NE(model.error().describe().find("99"), std::string::npos) << model.error().describe();
+}
+
+TEST_F(TrainerTest, NamesThatAreNoUtf8AreSaidAtTheStartAndCostNoAvatar) {
+    const std::filesystem::path odd = folder_ / "capt\xffure";
+    std::filesystem::copy(folder_ / "capture", odd, std::filesystem::copy_options::recursive);
+    for (const auto& [capture, run] : {std::pair{odd, folder_ / "run"}, {folder_ / "capture", folder_ / "ru\xfen"}}) {
+        TrainRequest request;
+        request.capture = capture;
+        request.run = run;
+        request.preset = "tiny";
+        const auto trained = arsModelPlugin()->train(request, std::atomic<bool>(true), {});
+        ASSERT_FALSE(trained.ok());
+        EXPECT_EQ(trained.error().code, ErrorCode::InvalidArgument);
+        EXPECT_NE(trained.error().message.find("UTF-8"), std::string::npos) << trained.error().describe();
+        EXPECT_FALSE(std::filesystem::exists(run));
+    }
+    Result<AvatarModel> model = readAvatar(saved(*trainer(smallConfig()), "a"));
+    ASSERT_TRUE(model.ok()) << model.error().describe();
+    model->spec.origin = "step 3 of a training on capt\xffure";
+    std::filesystem::create_directories(folder_ / "b");
+    const Status written = writeAvatarFiles(folder_ / "b", *model, {});
+    ASSERT_TRUE(written.ok()) << written.error().describe();
+    const Result<AvatarModel> again = readAvatar(folder_ / "b");
+    ASSERT_TRUE(again.ok()) << again.error().describe();
+    EXPECT_EQ(again->spec.origin, "step 3 of a training on capt\xef\xbf\xbdure");
+}
+
+TEST_F(TrainerTest, AnExportedAvatarIsTheCheckpointWithoutTheTrainer) {
+    const std::filesystem::path checkpoint = saved(*trainer(smallConfig()), "checkpoint");
+    const std::filesystem::path avatar = folder_ / "out" / "anna.avatar";
+    const auto exported = [&](const std::filesystem::path& to) {
+        return arsModelPlugin()->exportAvatar(checkpoint, to);
+    };
+    Status status = exported(avatar / ""); // with a slash at the end
+    ASSERT_TRUE(status.ok()) << status.error().describe();
+    std::vector<std::string> names;
+    for (const auto& entry : std::filesystem::directory_iterator(avatar)) names.push_back(entry.path().filename());
+    std::sort(names.begin(), names.end());
+    const std::vector<std::string> wanted{"avatar.json", "light.exr",    "pca.safetensors",
+                                          "preview.png", "template.glb", "weights.safetensors"};
+    EXPECT_EQ(names, wanted);
+    EXPECT_EQ(differences(checkpoint / "weights.safetensors", avatar / "weights.safetensors"),
+              std::vector<std::string>{});
+    EXPECT_TRUE(readAvatar(avatar).ok());
+    // Replaced where it is an avatar; what else stands there is never touched.
+    std::filesystem::resize_file(avatar / "light.exr", 10);
+    status = exported(avatar);
+    ASSERT_TRUE(status.ok()) << status.error().describe();
+    EXPECT_GT(std::filesystem::file_size(avatar / "light.exr"), 10u);
+    test::writeBytes(avatar / "notes.txt", "mine");
+    test::writeBytes(folder_ / "file.avatar", "mine");
+    for (const auto& [place, word] : {std::pair{avatar, "notes.txt"},
+                                      {checkpoint, "trainer.safetensors"},
+                                      {folder_ / "file.avatar", "found a file"},
+                                      {folder_ / "capture", "found "}}) {
+        status = exported(place);
+        ASSERT_FALSE(status.ok()) << place;
+        EXPECT_EQ(status.error().code, ErrorCode::InvalidArgument);
+        EXPECT_NE(status.error().describe().find(word), std::string::npos) << status.error().describe();
+        EXPECT_TRUE(std::filesystem::exists(place));
+    }
+    EXPECT_TRUE(readAvatar(avatar).ok());
+    EXPECT_TRUE(std::filesystem::exists(avatar / "notes.txt"));
+    EXPECT_TRUE(std::filesystem::exists(checkpoint / "trainer.safetensors"));
+    for (const auto& entry : std::filesystem::directory_iterator(avatar.parent_path())) {
+        EXPECT_EQ(entry.path(), avatar) << "nothing of the way there is left";
+    }
 }
 
 TEST(ViewMap, HoldsTheCosineAndWhenAskedTheNormalInTheWorld) {

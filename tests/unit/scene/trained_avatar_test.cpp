@@ -85,6 +85,9 @@ protected:
             avatar.evaluator = networks_;
             avatar.radii = learnedRadii();
             avatar.splat.kernel = SurfelKernel::RaySplat;
+            avatar.occluded = occluded_;
+            avatar.occlusion.thicknessM = 0.23f;
+            avatar.posing.importanceFalloffM = 0.3f;
             avatar.preset = "tiny";
             avatar.origin = "step 10 of a training";
             if (light_) {
@@ -185,6 +188,7 @@ protected:
     std::optional<Error> refusal_;
     bool throws_ = false;
     bool light_ = true;
+    bool occluded_ = true;
     std::unique_ptr<Session> session_;
 };
 
@@ -301,6 +305,21 @@ TEST_F(TrainedAvatarTest, ARestAvatarAfterItFindsTheTablesRadiiButWhatWasTunedBy
     expected[static_cast<std::size_t>(BodyPart::Wrist)] = 0.1f;
     EXPECT_EQ(document().occlusion.radii, expected);
     EXPECT_EQ(document().occlusion.splat, OcclusionSection().splat);
+    EXPECT_EQ(document().occlusion.posing, OcclusionSection().posing);
+    EXPECT_EQ(document().occlusion.settings.screenSpace, OcclusionSection().settings.screenSpace);
+}
+
+TEST_F(TrainedAvatarTest, OcclusionIsThatOfTheTraining) {
+    occluded_ = false;
+    settle();
+    run("occlusion.method", {{"name", "mesh_rays"}});
+    openAndSettle(avatar_);
+    EXPECT_EQ(document().occlusion.settings.method, OcclusionMethod::Off) << "it learned to do without";
+    EXPECT_EQ(document().occlusion.settings.screenSpace.thicknessM, 0.23f);
+    EXPECT_EQ(document().occlusion.posing.importanceFalloffM, 0.3f);
+    run("avatar.open", {{"source", "rest:open"}});
+    settle();
+    EXPECT_EQ(document().occlusion.settings.method, OcclusionMethod::ScreenSpace);
 }
 
 TEST_F(TrainedAvatarTest, AFreshDocumentTakesItsLightAsOneUndoEntry) {

@@ -49,15 +49,7 @@ Status writeSmallTrainedAvatar(const std::filesystem::path& folder) {
 }
 
 Result<OpenedTrainedAvatar> openThroughPlugin(const std::filesystem::path& folder, bool project) {
-    ARS_TRY(OpenedAvatar opened, arsModelPlugin()->openAvatar(folder, project));
-    OpenedTrainedAvatar avatar;
-    avatar.evaluator = std::move(opened.evaluator);
-    avatar.radii = opened.radii;
-    avatar.light = std::move(opened.light);
-    avatar.splat = opened.splat;
-    avatar.preset = std::move(opened.preset);
-    avatar.origin = std::move(opened.origin);
-    return avatar;
+    return arsModelPlugin()->openAvatar(folder, project, AvatarPrecision::Exact);
 }
 
 } // namespace ars::test
