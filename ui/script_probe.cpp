@@ -179,6 +179,7 @@ void ScriptProbe::update(Session& session) {
                 {"joints", jointsJson(session)},
                 {"frame", frameJson(session)},
                 {"settled", session.settled()},
+                {"input", GImGui->InputEventsQueue.Size},
                 {"undo", session.editor().undoLabel()},
                 {"redo", session.editor().redoLabel()},
                 {"history", session.editor().history().size()}};

@@ -15,8 +15,8 @@ namespace ars::ui {
 /// ```
 /// and reads FOLDER/answer.json with the same number: rectangles [x, y, width, height] of the widgets that are on the
 /// screen (null: not there), in pixels of the window; of Dear ImGui's windows; the viewport's picture with the joints
-/// and parts in it; the document as it is; what the program is doing. It only looks: nothing can be done through it.
-/// Builds without the test engine answer without items.
+/// and parts in it; the document as it is; what the program is doing, and how much of the input it has not taken in
+/// yet. It only looks: nothing can be done through it. Builds without the test engine answer without items.
 class ScriptProbe {
 public:
     /// @param testEngine  ImGuiTestEngine* of the current context, or null

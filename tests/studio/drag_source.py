@@ -12,6 +12,9 @@ from Xlib.ext import xtest
 from Xlib.protocol import event
 
 
+PATIENCE = 60.0  # seconds for an answer: nobody waits for them, unless the window hangs
+
+
 class DragSource:
     def __init__(self, files):
         self.files = files
@@ -77,13 +80,13 @@ class DragSource:
         for _ in range(3):
             self.send(target, "XdndPosition", [self.window.id, 0, (x << 16) | y, X.CurrentTime,
                                                self.atoms["XdndActionCopy"]])
-            status = self.wait_for("XdndStatus", 2.0)
+            status = self.wait_for("XdndStatus", PATIENCE)
             if status is None:
                 sys.exit("the window did not answer a drag over it")
         if not status[1] & 1:
             sys.exit("the window refuses the drop")
         self.send(target, "XdndDrop", [self.window.id, 0, X.CurrentTime, 0, 0])
-        if self.wait_for("XdndFinished", 5.0) is None:
+        if self.wait_for("XdndFinished", PATIENCE) is None:
             sys.exit("the window did not finish the drop")
 
 

@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 
+PATIENCE = 300  # seconds for what takes a moment: nobody waits for them, unless something hangs
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 
@@ -98,7 +99,7 @@ class Studio:
         """Ctrl+Q; what is unsaved is given up."""
         if self.process.poll() is None:
             self.key("ctrl+q")
-            for _ in range(100):
+            for _ in range(600):
                 if self.process.poll() is not None:
                     break
                 time.sleep(0.1)
@@ -156,8 +157,22 @@ class Studio:
             time.sleep(0.02)
         raise AssertionError(f"waited {seconds} s for {what}")
 
-    def settle(self, seconds=300):
-        time.sleep(0.1)
+    def taken_in(self):
+        """Waits until the window has taken in all that was typed and pointed at, and has drawn what came of it.
+
+        The first answer may be older than the input, and a click or key in the queue waits for the one before it to be
+        drawn: so two answers after the first must say that nothing is left."""
+        answers, calm, end = 0, 0, time.time() + PATIENCE
+        while calm < 2:
+            answer = self.try_ask(timeout=end - time.time())
+            if self.process.poll() is not None:
+                return
+            assert answer is not None, "the program does not answer"
+            answers += 1
+            calm = calm + 1 if answers > 1 and answer["input"] == 0 else 0
+
+    def settle(self, seconds=PATIENCE):
+        self.taken_in()
         return self.wait(lambda a: a["settled"], seconds, "everything to stand still")
 
     @staticmethod
@@ -166,7 +181,7 @@ class Studio:
 
     def rect(self, item):
         """Rectangle of a widget; an unfolded, visible one."""
-        for _ in range(10):
+        for _ in range(50):
             found = self.ask([item])["items"][item]
             if found:
                 return found
@@ -184,7 +199,8 @@ class Studio:
         path = self.folder / "now.png"
         x, y, w, h = map(int, self.viewport())
         self.move(x + w / 2, y + h + 150)  # nothing is to light up under the pointer
-        time.sleep(0.3)
+        self.taken_in()
+        time.sleep(0.2)
         self.screenshot(path)
         return Picture(path, f"{w}x{h}+{x}+{y}")
 
@@ -210,7 +226,7 @@ class Studio:
         self.xdotool("mousedown", button)
         time.sleep(0.08)
         self.xdotool("mouseup", button)
-        time.sleep(0.08)
+        self.taken_in()
 
     def click(self, item, button=1):
         self.click_at(*self.middle(self.rect(item)), button=button)
@@ -219,27 +235,29 @@ class Studio:
         self.move(*self.middle(self.rect(item)))
         time.sleep(0.05)
         self.xdotool("click", "--repeat", 2, "--delay", 60, 1)
-        time.sleep(0.1)
+        self.taken_in()
 
     def drag(self, begin, end, button=1, steps=24, seconds=1.0, hold=None, release=True):
         if hold:
             self.xdotool("keydown", hold)
         self.move(*begin)
-        time.sleep(0.15)
+        self.taken_in()
         self.xdotool("mousedown", button)
-        time.sleep(0.1)
+        self.taken_in()
         for i in range(1, steps + 1):
             t = i / steps
             self.move(begin[0] + (end[0] - begin[0]) * t, begin[1] + (end[1] - begin[1]) * t)
             time.sleep(seconds / steps)
+        self.taken_in()
         if release:
             self.release(button)
         if hold:
             self.xdotool("keyup", hold)
+            self.taken_in()
 
     def release(self, button=1):
         self.xdotool("mouseup", button)
-        time.sleep(0.1)
+        self.taken_in()
 
     def key(self, *chords):
         """Presses chords one after the other, "ctrl+shift+z", each held as long as fingers hold them."""
@@ -254,18 +272,18 @@ class Studio:
             for modifier in reversed(modifiers):
                 time.sleep(0.05)
                 self.xdotool("keyup", modifier)
-            time.sleep(0.1)
+            self.taken_in()
 
     def type(self, text):
         self.xdotool("type", "--delay", 15, text)
-        time.sleep(0.1)
+        self.taken_in()
 
     def type_into(self, item, text):
         """Ctrl+click turns a slider into a number box."""
         self.move(*self.middle(self.rect(item)))
-        time.sleep(0.08)
+        self.taken_in()
         self.xdotool("keydown", "ctrl", "click", 1, "keyup", "ctrl")
-        time.sleep(0.15)
+        self.taken_in()
         self.key("ctrl+a")
         self.type(text)
         self.key("Return")
@@ -274,16 +292,13 @@ class Studio:
         """Brings a panel to the front by its tab."""
         if panel not in self.ask()["windows"]:
             self.palette("Show " + panel)
-        self.wait(lambda a: panel in a["windows"], 60, f"the panel {panel}")
+        self.wait(lambda a: panel in a["windows"], PATIENCE, f"the panel {panel}")
 
     def palette(self, text):
         """Finds a command by its words and runs it."""
         self.key("ctrl+k")
-        time.sleep(0.3)
         self.type(text)
-        time.sleep(0.3)
         self.key("Return")
-        time.sleep(0.3)
 
     def type_path(self, path):
         """Answers the file chooser by typing."""
@@ -292,7 +307,6 @@ class Studio:
         self.key("ctrl+a")
         self.type(str(path))
         self.key("Return")
-        time.sleep(0.2)
 
     def discard_changes(self):
         """Answers the question about unsaved changes, where it comes."""

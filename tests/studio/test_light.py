@@ -4,7 +4,7 @@ import subprocess
 import sys
 import os
 
-from driver import Picture, Studio
+from driver import PATIENCE, Picture, Studio
 
 
 def main(pictures):
@@ -18,7 +18,7 @@ def main(pictures):
         # By drop, as from a file manager.
         x, y, w, h = studio.viewport()
         studio.drop(x + w / 2, y + h / 2, folder / "evening.exr")
-        studio.wait(lambda a: a["history"] == 1, 30, "the dropped light")
+        studio.wait(lambda a: a["history"] == 1, PATIENCE, "the dropped light")
         studio.settle()
         document = studio.document()
         assert document["light"]["file"].endswith("evening.exr") and document["light"]["kind"] == "file"
@@ -28,7 +28,7 @@ def main(pictures):
         # By dialog.
         studio.key("ctrl+o")
         studio.type_path(folder / "rim.exr")
-        studio.wait(lambda a: a["history"] == 2 and a["settled"], 30, "the light of the dialog")
+        studio.wait(lambda a: a["history"] == 2 and a["settled"], PATIENCE, "the light of the dialog")
         assert studio.document()["light"]["file"].endswith("rim.exr")
         rim = studio.picture()
         assert evening.difference(rim) > 0.03
@@ -51,7 +51,7 @@ def main(pictures):
         broken = folder / "broken.exr"
         broken.write_bytes((folder / "rim.exr").read_bytes()[:300])
         studio.drop(x + w / 2, y + h / 2, broken)
-        studio.wait(lambda a: any("###Error" in name for name in a["windows"]), 20, "the error")
+        studio.wait(lambda a: any("###Error" in name for name in a["windows"]), PATIENCE, "the error")
         assert studio.document() == document, "a broken file changed the document"
         studio.key("Return")
 
@@ -59,14 +59,14 @@ def main(pictures):
         studio.key("F12")
         shot = folder / "shot.png"
         studio.type_path(shot)
-        studio.wait(lambda a: shot.exists() and a["settled"], 60, "the screenshot")
+        studio.wait(lambda a: shot.exists() and a["settled"], PATIENCE, "the screenshot")
         assert Picture(shot).width > 300
         studio.key("ctrl+z", "ctrl+z", "ctrl+z")
         studio.settle()
         assert studio.document()["light"]["kind"] != "file"
         studio.drop(x + w / 2, y + h / 2, shot)
         studio.discard_changes()
-        studio.wait(lambda a: a["settled"] and a["history"] == 0, 30, "the restored session")
+        studio.wait(lambda a: a["settled"] and a["history"] == 0, PATIENCE, "the restored session")
         assert studio.document()["light"] == document["light"]
 
 

@@ -5,7 +5,15 @@ import subprocess
 import sys
 import time
 
-from driver import Studio
+from driver import PATIENCE, Studio
+
+
+SECTIONS = ("pose", "timeline", "camera", "light", "occlusion")
+
+
+def autosaved(folder, document):
+    saves = [json.loads(file.read_text()) for file in folder.rglob("autosave-*.ars")]
+    return any(all(save[section] == document[section] for section in SECTIONS) for save in saves)
 
 
 def main(pictures):
@@ -32,12 +40,12 @@ def main(pictures):
         assert rest.difference(raised) > 0.01
         studio.move(*studio.middle(studio.viewport()))
         studio.key("space")
-        seen = set()
-        for _ in range(12):
+        seen, end = set(), time.time() + PATIENCE
+        while len(seen) <= 3:
+            assert time.time() < end, f"the arm stood still: {seen}"
             seen.add(round(studio.joint("right_wrist")[1]))
             time.sleep(0.15)
         studio.key("space")
-        assert len(seen) > 3, f"the arm stood still: {seen}"
         studio.settle()
         assert studio.document()["timeline"]["time"] > 0.0, "pausing forgot the time"
         if pictures:
@@ -47,7 +55,7 @@ def main(pictures):
         film = studio.folder / "film.mp4"
         studio.key("ctrl+F12")
         studio.type_path(film)
-        studio.wait(lambda a: film.exists() and a["settled"], 240, "the film")
+        studio.wait(lambda a: film.exists() and a["settled"], PATIENCE, "the film")
         info = subprocess.run(["ffprobe", "-v", "error", "-count_packets", "-select_streams", "v", "-show_entries",
                                "stream=nb_read_packets,width", "-of", "json", str(film)], check=True, capture_output=True)
         stream = json.loads(info.stdout)["streams"][0]
@@ -57,7 +65,7 @@ def main(pictures):
 
         # The program is killed; the next one finds the edits.
         edited = studio.document()
-        time.sleep(11)
+        studio.wait(lambda a: studio.timings.exists() and autosaved(studio.state, edited), PATIENCE, "the autosave")
         studio.process.kill()
         studio.process.wait()
         studio.print_timings(json.loads(studio.timings.read_text()))  # as of some seconds before
@@ -66,9 +74,9 @@ def main(pictures):
         raise
     with Studio(folder=studio.folder) as again:
         again.click("//###Recovery/Restore")
-        again.wait(lambda a: a["settled"], 60, "the recovered session")
+        again.wait(lambda a: a["settled"], PATIENCE, "the recovered session")
         document = again.document()
-        for section in ("pose", "timeline", "camera", "light", "occlusion"):
+        for section in SECTIONS:
             assert document[section] == edited[section], f"{section} was lost"
 
 

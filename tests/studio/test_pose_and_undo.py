@@ -5,7 +5,7 @@ import pathlib
 import sys
 import time
 
-from driver import Studio
+from driver import PATIENCE, Studio
 
 
 def main(pictures):
@@ -47,7 +47,7 @@ def main(pictures):
         edited = studio.document()
         studio.key("ctrl+s")
         studio.type_path(project)
-        studio.wait(lambda a: project.exists(), 10, "the project file")
+        studio.wait(lambda a: project.exists(), PATIENCE, "the project file")
         while studio.ask()["undo"]:
             studio.key("ctrl+z")
         assert studio.document() == begin, "undo did not return to the beginning"
@@ -57,7 +57,7 @@ def main(pictures):
         studio.key("ctrl+o")
         studio.type_path(project)
         studio.discard_changes()
-        studio.wait(lambda a: a["history"] == 0 and a["settled"], 30, "the project")
+        studio.wait(lambda a: a["history"] == 0 and a["settled"], PATIENCE, "the project")
         assert studio.document()["pose"] == edited["pose"], "the project came back changed"
         assert studio.picture().difference(after) < 0.002, "the saved project looks different"
         assert json.loads(project.read_text())["pose"] == edited["pose"]

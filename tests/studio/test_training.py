@@ -6,7 +6,7 @@ import sys
 import tempfile
 import time
 
-from driver import Studio
+from driver import PATIENCE, Studio
 
 PANEL = "//Training/**/"
 
@@ -35,7 +35,7 @@ def fill(studio, item, text):
 
 def press(studio, label):
     """A button that appears once the panel has read what the run says."""
-    end = time.time() + 30
+    end = time.time() + PATIENCE
     while not studio.ask([PANEL + label])["items"][PANEL + label]:
         assert time.time() < end, f"no button {label}"
         time.sleep(0.2)
@@ -56,27 +56,27 @@ def main(pictures):
         fill(studio, "Run", str(run))
         studio.click(PANEL + "tiny")
         press(studio, "Start")
-        wait_for("the first steps", lambda: status(run)["state"] == "running" and status(run)["step"] > 3, 300)
+        wait_for("the first steps", lambda: status(run)["state"] == "running" and status(run)["step"] > 3, PATIENCE)
         press(studio, "Pause")
-        wait_for("the pause", lambda: status(run)["state"] == "paused", 120)
+        wait_for("the pause", lambda: status(run)["state"] == "paused", PATIENCE)
         paused = status(run)["step"]
         time.sleep(2)
         assert status(run)["step"] == paused, "a paused run went on"
         if pictures:
             studio.screenshot(pictures / "studio-training.png")
         press(studio, "Resume")
-        wait_for("more steps", lambda: status(run)["state"] == "running" and status(run)["step"] > paused, 120)
+        wait_for("more steps", lambda: status(run)["state"] == "running" and status(run)["step"] > paused, PATIENCE)
 
     # The window is gone, the run is not.
     left = status(run)["step"]
-    wait_for("steps without a window", lambda: status(run)["step"] > left, 120)
+    wait_for("steps without a window", lambda: status(run)["step"] > left, PATIENCE)
     with Studio(folder=folder / "first", size="1280x1180") as studio:
         studio.show("Training")
         press(studio, "Stop")
-        wait_for("the end", lambda: status(run)["state"] not in ("running", "stopping", "saving"), 120)
+        wait_for("the end", lambda: status(run)["state"] not in ("running", "stopping", "saving"), PATIENCE)
         assert list((run / "checkpoints").glob("*/complete.json")), "no checkpoint after a stop"
         press(studio, "Open avatar")
-        studio.wait(lambda a: a["history"] >= 1, 120, "the avatar of the checkpoint")
+        studio.wait(lambda a: a["history"] >= 1, PATIENCE, "the avatar of the checkpoint")
         assert studio.document()["avatar"]["source"].endswith("casual-tiny")
 
 

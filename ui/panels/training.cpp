@@ -5,6 +5,7 @@
 #include "ui/look/loss_plot.h"
 #include "ui/look/output_jobs.h"
 #include "ui/look/picture_cache.h"
+#include "ui/look/training_starts.h"
 #include "ui/panel.h"
 #include "ui/studio.h"
 
@@ -14,6 +15,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -30,6 +32,8 @@ namespace {
 constexpr const char* kLastRun = "training run";
 constexpr const char* kCaptures = "captures";
 constexpr const char* kRuns = "training runs";
+/// For so long after its end was asked for, a run that cannot be read is taken for one that is being deleted.
+constexpr std::chrono::minutes kDeleting{1};
 
 struct PresetWords {
     const char* name;
@@ -65,6 +69,16 @@ ImVec4 colorOf(RunState state) {
     }
 }
 
+/// What went wrong, in red; nothing for no words.
+void badText(const std::string& words) {
+    if (words.empty()) return;
+    ImGui::PushStyleColor(ImGuiCol_Text, badColor());
+    ImGui::PushTextWrapPos(0.0f);
+    ImGui::TextUnformatted(words.c_str());
+    ImGui::PopTextWrapPos();
+    ImGui::PopStyleColor();
+}
+
 /// What the dialogs fill in: one may answer after the panel.
 struct TrainingForm {
     std::string capture, run;
@@ -96,8 +110,7 @@ private:
     void suggestRun(const StudioContext& context);
     void askForRun(StudioContext& context);
     void request(StudioContext& context, RunRequest what, const std::string& title);
-    void start(StudioContext& context, TrainingStart start);
-    void watchChild(StudioContext& context);
+    void start(StudioContext& context, const TrainingStart& start);
 
     std::unique_ptr<RunMonitor> monitor_;
     fs::path run_;             ///< that is followed
@@ -105,15 +118,11 @@ private:
     std::shared_ptr<TrainingForm> form_ = std::make_shared<TrainingForm>();
     LossPlot plot_;
     bool discarding_ = false; ///< the question is on the screen
-    /// Shared with the work beside that starts it.
-    struct Started {
-        std::optional<ChildProcess> child;
-        fs::path run;
-        std::string said; ///< the end of what its process said that ended badly
-        bool starting = false;
-        std::optional<fs::path> arrived; ///< to be followed
-    };
-    std::shared_ptr<Started> started_ = std::make_shared<Started>();
+    fs::path discarded_;      ///< the run that is to be deleted at the wish of this panel
+    std::chrono::steady_clock::time_point discardedAt_;
+    TrainingStarts starts_;
+    /// A run to be followed, from a dialog or a start that answers later.
+    std::shared_ptr<std::optional<fs::path>> arrived_ = std::make_shared<std::optional<fs::path>>();
 
     struct Preview {
         fs::path file;
@@ -132,17 +141,17 @@ void TrainingPanel::begin(StudioContext& context) {
         opened_ = context.session.trainingRunsOpened();
         follow(context, context.session.trainingRun());
     }
-    if (started_->arrived) {
-        follow(context, *started_->arrived);
-        started_->arrived.reset();
+    if (*arrived_) {
+        follow(context, **arrived_);
+        arrived_->reset();
     }
     monitor_->setSmoothing(plot_.smoothing());
-    watchChild(context);
+    if (starts_.update(context)) monitor_->follow(run_); // look at once
 }
 
 void TrainingPanel::follow(StudioContext& context, const fs::path& run) {
+    if (run != run_) starts_.forget(run_);
     run_ = run;
-    started_->said.clear();
     discarding_ = false;
     shown_ = {};
     coming_ = {};
@@ -153,30 +162,15 @@ void TrainingPanel::follow(StudioContext& context, const fs::path& run) {
     monitor_->follow(run);
 }
 
-/// A child that ends is reaped, and heard where it left no status to read.
-void TrainingPanel::watchChild(StudioContext& context) {
-    if (!started_->child || started_->child->running()) return;
-    const int code = started_->child->exitCode().value_or(0);
-    const fs::path run = started_->run;
-    started_->child.reset();
-    monitor_->follow(run_);
-    if (code == 0) return;
-    const auto text = std::make_shared<std::string>();
-    context.session.start(
-        "Reading the log of " + run.filename().string(),
-        [run, text](const ProgressFunction&) {
-            *text = endOfLog(run);
-            return Status();
-        },
-        [started = started_, run, text](const Status&) {
-            if (run == started->run) started->said = *text;
-        },
-        true);
-}
-
 void TrainingPanel::draw(StudioContext& context) {
     begin(context);
-    const std::shared_ptr<const RunSnapshot> run = monitor_->latest();
+    std::shared_ptr<const RunSnapshot> run = monitor_->latest();
+    if (run && run->gone && discarded_ == run_) { // what was asked for is done: there is nothing to follow
+        context.studio.toast(run_.filename().string() + " is deleted.");
+        discarded_.clear();
+        follow(context, {});
+        run.reset();
+    }
     if (run_.empty()) {
         ui::hint("Choose a capture and start, or open a run folder to look at it, also one of another machine.");
         drawForm(context);
@@ -233,21 +227,16 @@ void TrainingPanel::drawState(StudioContext& context, const RunSnapshot& run) {
     }
     // First, so that a low panel still has them.
     drawButtons(context, run);
-    if (run.error && !(started_->child || started_->starting)) {
-        ImGui::PushStyleColor(ImGuiCol_Text, badColor());
-        ImGui::TextWrapped("%s", run.error->describe().c_str());
-        ImGui::PopStyleColor();
-    } else if (run.error) {
-        ui::hint("Starting ...");
-    } else {
+    if (!run.error)
         drawNumbers(context, run);
-    }
+    else if (starts_.works(run_))
+        ui::hint("Starting ...");
+    else if (discarded_ == run_ && std::chrono::steady_clock::now() - discardedAt_ < kDeleting)
+        ui::hint("Deleting ...");
+    else
+        badText(run.error->describe());
     // Where the status says what was wrong, the log says it again.
-    if (!started_->said.empty() && started_->run == run_ && run.status.error.empty()) {
-        ImGui::PushStyleColor(ImGuiCol_Text, badColor());
-        ImGui::TextWrapped("%s", started_->said.c_str());
-        ImGui::PopStyleColor();
-    }
+    if (run.status.error.empty()) badText(starts_.said(run_));
 }
 
 void TrainingPanel::drawNumbers(StudioContext& context, const RunSnapshot& run) {
@@ -278,18 +267,14 @@ void TrainingPanel::drawNumbers(StudioContext& context, const RunSnapshot& run) 
     if (!run.checkpoints.empty()) {
         numberText(context, fmt::format("newest checkpoint: step {}", run.checkpoints.back().step).c_str());
     }
-    if (!status.error.empty()) {
-        ImGui::PushStyleColor(ImGuiCol_Text, badColor());
-        ImGui::TextWrapped("%s", status.error.c_str());
-        ImGui::PopStyleColor();
-    }
+    badText(status.error);
     if (!status.note.empty()) ui::hint(status.note.c_str());
     if (run.brokenLines > 0) ui::hint(fmt::format("{} broken lines in the metrics", run.brokenLines).c_str());
 }
 
 void TrainingPanel::drawButtons(StudioContext& context, const RunSnapshot& run) {
     const RunState state = run.status.state;
-    const bool starting = started_->starting || (started_->child && !run.owned);
+    const bool starting = starts_.works(run_) && !run.owned;
     const bool waits = run.owned && state == RunState::Paused;
     const bool works = run.owned && (state == RunState::Running || state == RunState::Loading);
     const bool ended = !run.owned && !starting && !run.error;
@@ -331,12 +316,12 @@ void TrainingPanel::drawButtons(StudioContext& context, const RunSnapshot& run) 
 
 /// Asked within the panel: the window stays usable, and the run goes on meanwhile.
 void TrainingPanel::drawDiscard(StudioContext& context) {
-    ImGui::PushStyleColor(ImGuiCol_Text, badColor());
-    ImGui::TextWrapped("Deletes %s with its checkpoints, previews and numbers.", run_.filename().string().c_str());
-    ImGui::PopStyleColor();
+    badText("Deletes " + run_.filename().string() + " with its checkpoints, previews and numbers.");
     if (ImGui::Button("Delete run")) {
         request(context, RunRequest::Discard, "Discarding the run");
         discarding_ = false;
+        discarded_ = run_;
+        discardedAt_ = std::chrono::steady_clock::now();
     }
     ImGui::SameLine();
     if (ImGui::Button("Keep it")) discarding_ = false;
@@ -422,16 +407,16 @@ void TrainingPanel::drawForm(StudioContext& context) {
     }
     drawSettings(context, "Other values than the preset's, one \"name=value\" a line: schedule.radiance_steps=2000. "
                           "`ars train --help-parameters` lists all names.");
-    const bool busy = started_->starting || started_->child.has_value();
-    ImGui::BeginDisabled(busy || form.capture.empty() || form.run.empty());
+    const fs::path folder = form.run.empty() ? fs::path() : fs::absolute(form.run).lexically_normal();
+    ImGui::BeginDisabled(starts_.starting() || starts_.works(folder) || form.capture.empty() || form.run.empty());
     if (iconButton(icon::kPlay, "Start")) {
         if (auto settings = parseSettingLines(form.settings)) {
             TrainingStart start;
             start.capture = fs::absolute(form.capture).lexically_normal();
-            start.run = fs::absolute(form.run).lexically_normal();
+            start.run = folder;
             start.preset = kPresets[static_cast<std::size_t>(form.preset)].name;
             start.settings = std::move(*settings);
-            this->start(context, std::move(start));
+            this->start(context, start);
         } else {
             context.studio.showError("This cannot be trained", settings.error().describe());
         }
@@ -454,7 +439,7 @@ void TrainingPanel::askForRun(StudioContext& context) {
     question.title = "Open training run";
     question.folder = true;
     question.folderKey = kRuns;
-    question.chosen = [started = started_](const fs::path& path) { started->arrived = path; };
+    question.chosen = [arrived = arrived_](const fs::path& path) { *arrived = path; };
     context.studio.ask(std::move(question));
 }
 
@@ -462,24 +447,14 @@ void TrainingPanel::request(StudioContext& context, RunRequest what, const std::
     context.session.start(title, [run = run_, what](const ProgressFunction&) { return requestOfRun(run, what); });
 }
 
-void TrainingPanel::start(StudioContext& context, TrainingStart start) {
-    const std::shared_ptr<Started> started = started_;
-    started->starting = true;
-    started->said.clear();
-    const auto child = std::make_shared<std::optional<ChildProcess>>();
-    context.session.start((start.resume ? "Resuming " : "Starting ") + start.run.filename().string(),
-                          [start, child](const ProgressFunction&) -> Status {
-                              ARS_TRY(ChildProcess begun, startTraining(start));
-                              child->emplace(std::move(begun));
-                              return {};
-                          },
-                          [started, child, run = start.run](const Status& status) {
-                              started->starting = false;
-                              if (!status) return; // told as a notice
-                              started->child = std::move(*child);
-                              started->run = run;
-                              started->arrived = run;
-                          });
+void TrainingPanel::start(StudioContext& context, const TrainingStart& start) {
+    if (start.run == discarded_) discarded_.clear();            // another one under the same name
+    if (start.resume) return starts_.start(context, start, {}); // is followed, or was left meanwhile
+    starts_.start(context, start, [arrived = arrived_, form = form_, run = start.run] {
+        *arrived = run;
+        // A name that stood there by itself is taken now: the next run gets another.
+        if (form->run == form->suggestedRun && run == fs::path(form->suggestedRun)) form->run.clear();
+    });
 }
 
 } // namespace

@@ -202,6 +202,55 @@ TEST_F(TrainingPanelTest, DiscardAsksFirst) {
     EXPECT_EQ(requested(), "discard");
 }
 
+TEST_F(TrainingPanelTest, ARunThatWasDiscardedHereIsFollowedNoLonger) {
+    const auto& folders = studio_.window().settings().folders;
+    const auto remembered = [&] { return folders.contains("training run"); };
+    makeRun(RunState::Running);
+    own();
+    follow();
+    // Removed by somebody else: it may come back (a disk), and the panel says what is wrong.
+    fs::rename(run_, folder_ / "away");
+    studio_.waitFor([] { return false; }, 2.0);
+    EXPECT_TRUE(remembered());
+    fs::rename(folder_ / "away", run_);
+
+    ASSERT_TRUE(becomesUsable("**/Discard"));
+    click("**/Discard");
+    click("**/Delete run");
+    EXPECT_EQ(requested(), "discard");
+    EXPECT_TRUE(remembered()) << "it is there yet";
+    release();
+    fs::remove_all(run_);
+    EXPECT_TRUE(studio_.waitFor([&] { return !remembered(); }));
+    EXPECT_TRUE(shows("**/Start"));
+    EXPECT_FALSE(shows("**/Leave run"));
+}
+
+TEST_F(TrainingPanelTest, WhileATrainingOfThisWindowLivesAnotherRunGoesOnToo) {
+    const std::string here = folder_.path().string();
+    useScript("while [ -d '" + here + "' ] && [ ! -e '" + here + "/go' ]; do sleep 0.05; done");
+    const fs::path capture = folder_ / "casual", first = folder_ / "first";
+    fs::create_directories(capture);
+    act([&](ImGuiTestContext* context) {
+        context->ItemInputValue("**/Capture", capture.c_str());
+        context->ItemInputValue("**/Run", first.c_str());
+    });
+    ASSERT_TRUE(becomesUsable("**/Start"));
+    click("**/Start");
+    EXPECT_EQ(called().at(2), first.string());
+    ASSERT_TRUE(studio_.waitFor([&] { return studio_.window().settings().folders["training run"] == first.string(); }));
+    fs::remove(folder_ / "called");
+
+    makeRun(RunState::Running); // a second one, whose process is gone
+    follow();
+    ASSERT_TRUE(becomesUsable("**/Resume"));
+    click("**/Resume");
+    EXPECT_EQ(called(), (std::vector<std::string>{"train", "--run", run_.string(), "--resume"}));
+    EXPECT_FALSE(becomesUsable("**/Resume")) << "its own process lives now";
+    std::ofstream(folder_ / "go") << "\n";
+    EXPECT_TRUE(becomesUsable("**/Resume")) << "it has ended";
+}
+
 TEST_F(TrainingPanelTest, ARunWhoseProcessIsGoneGoesOnInANewOne) {
     makeRun(RunState::Running); // and nobody holds its lock
     useScript("exit 0");
