@@ -122,9 +122,8 @@ public:
     bool occlusionPrepared(const OcclusionSettings& settings) const { return occlusion_.prepared(settings); }
     const std::array<StageReport, kFrameStageCount>& stages() const { return reports_; }
     const SplatStats& splatStats() const { return splatStats_; }
-    /// On CUDA stages are only queued and their times those of queueing; with this, each waits for its end. Off by
-    /// default: a frame then never waits, and may lack its farthest surfels (SplatWorkspace::incomplete); with this it
-    /// is always whole.
+    /// On CUDA stages are only queued, their times those of queueing, and a frame may lack its farthest surfels
+    /// (SplatWorkspace::incomplete); with this, each stage waits for its end and frames are whole. Off by default.
     void waitForTimings(bool wait) { waitForTimings_ = wait; }
     /// Counting costs a little and, on CUDA, waits for the device; off by default.
     void collectSplatStats(bool collect) { collectStats_ = collect; }

@@ -2,6 +2,7 @@
 
 #include "engine/core/parallel.h"
 #include "engine/rig/skinning_kernels.h"
+#include "engine/surfel/pose_surfels_check.h"
 #include "engine/surfel/pose_surfels_kernels.h"
 
 #include <algorithm>
@@ -49,11 +50,6 @@ Status checkWeights(const SkinWeights& weights, std::size_t count, std::size_t j
     }
     return {};
 }
-
-/// Radii of the joints' parts, now and initially.
-struct JointRadii {
-    std::vector<float> now, initial;
-};
 
 Result<JointRadii> jointRadii(const SurfelPosing& posing) {
     JointRadii radii;
@@ -157,9 +153,8 @@ std::vector<glm::vec3> posedJointPositions(const Skeleton& skeleton, const Pose&
     return positions;
 }
 
-Status poseSurfels(const PoseSurfelsParams& params, const SurfelPosing& posing, const SkinWeights& weights,
-                   const Surfels& canonical, PosedSurfels& posed) {
-    const std::size_t count = canonical.count();
+Result<JointRadii> checkPosing(const PoseSurfelsParams& params, const SurfelPosing& posing, const SkinWeights& weights,
+                               std::size_t count) {
     const std::size_t joints = posing.matrices.size();
     ARS_TRY_STATUS(checkParams(params));
     ARS_TRY_STATUS(checkWeights(weights, count, joints));
@@ -167,11 +162,18 @@ Status poseSurfels(const PoseSurfelsParams& params, const SurfelPosing& posing, 
         return wrong(fmt::format("{} joint matrices, {} joint positions and {} parts, expected equal counts", joints,
                                  posing.jointPositions.size(), posing.parts.size()));
     }
+    return jointRadii(posing);
+}
+
+Status poseSurfels(const PoseSurfelsParams& params, const SurfelPosing& posing, const SkinWeights& weights,
+                   const Surfels& canonical, PosedSurfels& posed) {
+    const std::size_t count = canonical.count();
+    const std::size_t joints = posing.matrices.size();
+    ARS_TRY(const JointRadii radii, checkPosing(params, posing, weights, count));
     if (canonical.rotations.size() != 4 * count) {
         return wrong(fmt::format("rotations has {} numbers, expected {} for {} surfels", canonical.rotations.size(),
                                  4 * count, count));
     }
-    ARS_TRY(const JointRadii radii, jointRadii(posing));
     posed.means.resize(count);
     posed.rotations.resize(4 * count);
     posed.importances.resize(count);

@@ -50,8 +50,8 @@ struct SplatStats {
     std::uint64_t of(SurfelFate fate) const { return fates[static_cast<std::size_t>(fate)]; }
 };
 
-/// Which surfels made each pixel: pixel p (row-major) holds entries [starts[p], starts[p + 1]) of `surfels` and
-/// `weights`, front to back. Weights are w = alpha T; their sum at a pixel is its opacity. All on one device.
+/// Surfels of each pixel: p (row-major) holds entries [starts[p], starts[p + 1]), front to back, w = alpha T; they sum
+/// to its opacity. CUDA may end a pixel's with entries of weight 0, whose surfel is the count of surfels: to pass over.
 struct ContributorLists {
     Buffer starts;             ///< (pixels + 1) u64
     Buffer surfels;            ///< (entries) u32, index into the surfels given

@@ -138,7 +138,11 @@ __global__ void __launch_bounds__(kPixels) tileKernel(DeviceFrame f) {
     pixel.live = pixel.inside;
     const std::size_t at = static_cast<std::size_t>(pixel.y) * static_cast<std::size_t>(f.view.camera.width) +
                            static_cast<std::size_t>(pixel.x);
-    unsigned long long cursor = What == Task::List && pixel.inside ? f.contributorStarts[at] : 0;
+    unsigned long long cursor = 0, listEnd = 0;
+    if (What == Task::List && pixel.inside) {
+        cursor = f.contributorStarts[at];
+        listEnd = f.contributorStarts[at + 1];
+    }
     const float x = static_cast<float>(pixel.x) + 0.5f, y = static_cast<float>(pixel.y) + 0.5f;
     const float rectX = static_cast<float>(left) + 0.5f, rectY = static_cast<float>(top) + 0.5f;
 
@@ -162,6 +166,8 @@ __global__ void __launch_bounds__(kPixels) tileKernel(DeviceFrame f) {
                 if (weight == 0.0f) continue;
                 ++pixel.blended;
                 if constexpr (What == Task::List) {
+                    // The counts come from another kernel, whose compiler may have rounded a cut-off otherwise.
+                    if (cursor == listEnd) continue;
                     f.contributorSurfels[cursor] = staged.slots[k];
                     f.contributorWeights[cursor++] = weight;
                 } else {
@@ -171,6 +177,12 @@ __global__ void __launch_bounds__(kPixels) tileKernel(DeviceFrame f) {
                     for (int c = 0; c < Stride; ++c) pixel.sums[c] += weight * staged.features[k][c];
                 }
             }
+        }
+    }
+    if constexpr (What == Task::List) {
+        for (; cursor < listEnd; ++cursor) { // room that was counted and not needed
+            f.contributorSurfels[cursor] = f.count;
+            f.contributorWeights[cursor] = 0.0f;
         }
     }
     if constexpr (What == Task::Blend) {

@@ -12,6 +12,10 @@ namespace {
 
 Error wrong(std::string message) { return makeError(ErrorCode::InvalidArgument, "splat gradient", std::move(message)); }
 
+#ifndef ARS_HAVE_CUDA
+Error noKernels() { return makeError(ErrorCode::Unavailable, "splat gradient", "this build has no CUDA kernels"); }
+#endif
+
 Status checkDevice(const Device& expected, std::string_view what, const Device& found) {
     if (found == expected) return {};
     return wrong(fmt::format("{} lie on {}, expected the surfels' {}", what, deviceName(found), deviceName(expected)));
@@ -83,7 +87,8 @@ GradientPictures gradientPictures(const SurfelView& surfels, const Camera& camer
     return pictures;
 }
 
-/// Sizes the results, zeros, and points at them.
+} // namespace
+
 SurfelGradientArrays prepareOutputs(std::size_t n, const GBufferGradients& gradients, SurfelGradients& out) {
     const auto floats = [](auto& values) { return values.empty() ? nullptr : reinterpret_cast<float*>(values.data()); };
     out.means.assign(n, glm::vec3(0.0f));
@@ -108,13 +113,11 @@ SurfelGradientArrays prepareOutputs(std::size_t n, const GBufferGradients& gradi
     return arrays;
 }
 
-} // namespace
-
 Result<SplatBackwardArguments> backwardArguments(const SplatParams& params, const SurfelView& surfels,
                                                  const Camera& camera, const GBuffer& forward,
                                                  const ContributorLists* contributors,
                                                  const GBufferGradients& gradients, SplatGradientWorkspace& workspace,
-                                                 SurfelGradients& out, const SplatBackwardParams& options) {
+                                                 const SurfelGradientArrays& out, const SplatBackwardParams& options) {
     ARS_TRY_STATUS(checkInput(surfels, camera, forward, contributors, gradients));
     SplatBackwardArguments arguments;
     arguments.params = params;
@@ -124,20 +127,39 @@ Result<SplatBackwardArguments> backwardArguments(const SplatParams& params, cons
     arguments.splatted = forward.channels;
     arguments.contributors = contributors;
     arguments.workspace = &workspace;
-    arguments.out = prepareOutputs(surfels.count, gradients, out);
+    arguments.out = out;
     return arguments;
 }
 
 Status splatBackward(const SplatParams& params, const SurfelView& surfels, const Camera& camera, const GBuffer& forward,
                      const ContributorLists* contributors, const GBufferGradients& gradients,
                      SplatGradientWorkspace& workspace, SurfelGradients& out, const SplatBackwardParams& options) {
+    // Checked before `out` is touched.
+    ARS_TRY(SplatBackwardArguments arguments,
+            backwardArguments(params, surfels, camera, forward, contributors, gradients, workspace, {}, options));
+    arguments.out = prepareOutputs(surfels.count, gradients, out);
+    if (surfels.device.kind == DeviceKind::Host) return cpu::splatBackward(arguments);
+#ifdef ARS_HAVE_CUDA
+    return cuda::splatBackwardToHost(arguments, arguments.out);
+#else
+    return noKernels();
+#endif
+}
+
+Status splatBackward(const SplatParams& params, const SurfelView& surfels, const Camera& camera, const GBuffer& forward,
+                     const ContributorLists* contributors, const GBufferGradients& gradients,
+                     SplatGradientWorkspace& workspace, const SurfelGradientArrays& out,
+                     const SplatBackwardParams& options) {
+    if (surfels.count > 0 && (!out.means || !out.rotations || !out.scales || !out.opacities)) {
+        return wrong("the gradients of means, rotations, scales and opacities need an array each");
+    }
     ARS_TRY(const SplatBackwardArguments arguments,
             backwardArguments(params, surfels, camera, forward, contributors, gradients, workspace, out, options));
     if (surfels.device.kind == DeviceKind::Host) return cpu::splatBackward(arguments);
 #ifdef ARS_HAVE_CUDA
     return cuda::splatBackward(arguments);
 #else
-    return makeError(ErrorCode::Unavailable, "splat gradient", "this build has no CUDA kernels");
+    return noKernels();
 #endif
 }
 

@@ -41,6 +41,16 @@ struct SurfelGradients {
     std::vector<glm::vec3> bones;
 };
 
+/// Where the gradients of N surfels go, all on one device: zeros when they are given, of which those of surfels that no
+/// pixel shows stay.
+struct SurfelGradientArrays {
+    float* means = nullptr;                ///< (N, 3), and the next three: must be given
+    float* rotations = nullptr;            ///< (N, 4)
+    float* scales = nullptr;               ///< (N, 2)
+    float* opacities = nullptr;            ///< (N)
+    float* attributes[kChannelCount] = {}; ///< (N, channelWidth) by channel; null is not written
+};
+
 struct SplatBackwardParams {
     /// Channels whose gradient reaches their own attribute alone, not where surfels lie and how opaque they are: the
     /// paper's occlusion path (radius -> attribute only), and what only exists to be looked at.
@@ -78,5 +88,12 @@ struct SplatGradientWorkspace {
 Status splatBackward(const SplatParams& params, const SurfelView& surfels, const Camera& camera, const GBuffer& forward,
                      const ContributorLists* contributors, const GBufferGradients& gradients,
                      SplatGradientWorkspace& workspace, SurfelGradients& out, const SplatBackwardParams& options = {});
+
+/// The same to arrays on the surfels' device. On CUDA the work is queued on the default stream and not waited for.
+/// @return also InvalidArgument where one of the first four arrays is missing
+Status splatBackward(const SplatParams& params, const SurfelView& surfels, const Camera& camera, const GBuffer& forward,
+                     const ContributorLists* contributors, const GBufferGradients& gradients,
+                     SplatGradientWorkspace& workspace, const SurfelGradientArrays& out,
+                     const SplatBackwardParams& options = {});
 
 } // namespace ars

@@ -5,6 +5,7 @@
 // GLM marks defaulted constructors for the device, which nvcc remarks on a hundred times.
 #pragma nv_diag_suppress 20012
 
+#include "engine/core/cuda_status.h"
 #include "engine/surfel/splat_gradient_entries.h"
 
 #include <cub/cub.cuh>
@@ -21,11 +22,7 @@ namespace {
 
 constexpr int kBlock = 256;
 
-Status check(cudaError_t code) {
-    if (code == cudaSuccess) return {};
-    return makeError(code == cudaErrorMemoryAllocation ? ErrorCode::OutOfMemory : ErrorCode::Unavailable,
-                     "splat gradient", std::string("the CUDA device refused: ") + cudaGetErrorString(code));
-}
+Status check(cudaError_t code) { return statusOf(code, "splat gradient"); }
 
 template <typename T>
 T* pointer(Buffer& buffer) {
@@ -148,16 +145,16 @@ struct Output {
     std::size_t floats; ///< of all surfels
 };
 
-/// Room for all results in one piece of device memory; `list` says which part is whose.
-Status growForOutputs(const SplatBackwardArguments& a, EntryPass& p, std::vector<Output>& list) {
+/// Room for all results in one piece of device memory, zeros; `list` says which part is whose.
+Status growForOutputs(SplatBackwardArguments& a, const SurfelGradientArrays& host, std::vector<Output>& list) {
     const std::size_t n = a.surfels.count;
-    list = {{a.out.means, &p.out.means, 3 * n},
-            {a.out.rotations, &p.out.rotations, 4 * n},
-            {a.out.scales, &p.out.scales, 2 * n},
-            {a.out.opacities, &p.out.opacities, n}};
+    list = {{host.means, &a.out.means, 3 * n},
+            {host.rotations, &a.out.rotations, 4 * n},
+            {host.scales, &a.out.scales, 2 * n},
+            {host.opacities, &a.out.opacities, n}};
     for (int i = 0; i < kChannelCount; ++i) {
-        if (!a.out.attributes[i]) continue;
-        list.push_back({a.out.attributes[i], &p.out.attributes[i],
+        if (!host.attributes[i]) continue;
+        list.push_back({host.attributes[i], &a.out.attributes[i],
                         n * static_cast<std::size_t>(channelWidth(static_cast<Channel>(i)))});
     }
     std::size_t floats = 0;
@@ -184,17 +181,24 @@ Status splatBackward(const SplatBackwardArguments& a) {
     }
     ARS_TRY_STATUS(check(cudaSetDevice(a.surfels.device.index)));
     EntryPass p = entryPass(a);
+    p.out = a.out;
     ARS_TRY(const Sorted sorted, growForPass(a, p));
-    std::vector<Output> outputs;
-    ARS_TRY_STATUS(growForOutputs(a, p, outputs));
     Buffer& scratch = a.workspace->sortScratch;
     if (a.params.kernel == SurfelKernel::RaySplat) {
-        ARS_TRY_STATUS((queue<SurfelKernel::RaySplat, DepthMode::Exact>(p, scratch, sorted)));
-    } else if (a.params.depth == DepthMode::Exact) {
-        ARS_TRY_STATUS((queue<SurfelKernel::GaussianSurfel, DepthMode::Exact>(p, scratch, sorted)));
-    } else {
-        ARS_TRY_STATUS((queue<SurfelKernel::GaussianSurfel, DepthMode::Linear>(p, scratch, sorted)));
+        return queue<SurfelKernel::RaySplat, DepthMode::Exact>(p, scratch, sorted);
     }
+    if (a.params.depth == DepthMode::Exact) {
+        return queue<SurfelKernel::GaussianSurfel, DepthMode::Exact>(p, scratch, sorted);
+    }
+    return queue<SurfelKernel::GaussianSurfel, DepthMode::Linear>(p, scratch, sorted);
+}
+
+Status splatBackwardToHost(SplatBackwardArguments a, const SurfelGradientArrays& host) {
+    if (a.surfels.count == 0 || a.contributors->entries == 0) return {};
+    ARS_TRY_STATUS(check(cudaSetDevice(a.surfels.device.index)));
+    std::vector<Output> outputs;
+    ARS_TRY_STATUS(growForOutputs(a, host, outputs));
+    ARS_TRY_STATUS(splatBackward(a));
     for (const Output& output : outputs) {
         ARS_TRY_STATUS(
             check(cudaMemcpy(output.host, *output.device, output.floats * sizeof(float), cudaMemcpyDeviceToHost)));

@@ -3,7 +3,8 @@
 #include "engine/surfel/splat_gradient_kernels.h"
 
 /// The backward pass over contributor lists, as CUDA takes it: what one thread does to one surfel, pixel or entry (a
-/// pair of a surfel and a pixel). Nothing here knows of threads, so that a plain loop on the host is the same pass
+/// pair of a surfel and a pixel). Entries of weight 0 name no surfel: pixels pass them over, and sorted they lie behind
+/// those of the last surfel. Nothing here knows of threads, so that a plain loop on the host is the same pass
 /// (tests/unit/surfel/splat_gradient_devices_test.cpp).
 namespace ars {
 
@@ -68,6 +69,7 @@ ARS_HD inline void unitLengths(const EntryPass& p, std::uint64_t begin, std::uin
         if (!source.unit) continue;
         glm::vec3 sum(0.0f);
         for (std::uint64_t e = begin; e < end; ++e) {
+            if (p.weights[e] == 0.0f) continue;
             const float* f = p.features + p.listed[e] * static_cast<std::size_t>(p.pictures.stride()) + source.offset;
             sum += p.weights[e] * glm::vec3(f[0], f[1], f[2]);
         }
@@ -107,6 +109,7 @@ ARS_HD inline void backwardPixel(const EntryPass& p, std::size_t pixel) {
     }
     float suffix = 0.0f;
     for (std::uint64_t e = end; e-- > begin;) {
+        if (p.weights[e] == 0.0f) continue;
         const std::uint32_t surfel = p.listed[e];
         const float* features = p.features + surfel * static_cast<std::size_t>(stride);
         float h = gOpacity;

@@ -64,15 +64,6 @@ ARS_HD inline void sumGradients(const GradientPictures& p, std::size_t pixel, co
     g[p.columns + 1] = toOpacity;
 }
 
-/// Where the gradients of N surfels go; null pointers are not written.
-struct SurfelGradientArrays {
-    float* means = nullptr;     ///< (N, 3)
-    float* rotations = nullptr; ///< (N, 4)
-    float* scales = nullptr;    ///< (N, 2)
-    float* opacities = nullptr;
-    float* attributes[kChannelCount] = {}; ///< by channel
-};
-
 /// From the sums over a surfel's pixels to the surfel.
 /// @param g         dL/d of its projection
 /// @param features  sum of w dL/dSum, in the order of the layout
@@ -116,23 +107,28 @@ struct SplatBackwardArguments {
     ChannelSet splatted; ///< all channels of the forward pass
     const ContributorLists* contributors = nullptr;
     SplatGradientWorkspace* workspace = nullptr;
-    SurfelGradientArrays out; ///< host, zeros
+    SurfelGradientArrays out; ///< on the surfels' device, zeros
 };
 
-/// Checks everything and sizes `out`; errors are those of splatBackward().
+/// Checks everything; errors are those of splatBackward().
 Result<SplatBackwardArguments> backwardArguments(const SplatParams& params, const SurfelView& surfels,
                                                  const Camera& camera, const GBuffer& forward,
                                                  const ContributorLists* contributors,
                                                  const GBufferGradients& gradients, SplatGradientWorkspace& workspace,
-                                                 SurfelGradients& out, const SplatBackwardParams& options);
+                                                 const SurfelGradientArrays& out, const SplatBackwardParams& options);
+
+/// Sizes the results, zeros, and points at them.
+SurfelGradientArrays prepareOutputs(std::size_t n, const GBufferGradients& gradients, SurfelGradients& out);
 
 namespace cpu {
 Status splatBackward(const SplatBackwardArguments& arguments);
 } // namespace cpu
 
 namespace cuda {
-/// Waits for the device: the results are brought to the host.
+/// Queued on the default stream of the surfels' device; does not wait.
 Status splatBackward(const SplatBackwardArguments& arguments);
+/// Results to arrays in host memory, zeros; waits for the device to bring them.
+Status splatBackwardToHost(SplatBackwardArguments arguments, const SurfelGradientArrays& host);
 } // namespace cuda
 
 } // namespace ars

@@ -158,6 +158,67 @@ TEST(SplatGradientDevice, ASurfelThatWasLeftOutGetsNothing) {
     }
 }
 
+/// Lists as CUDA leaves them where a pixel was counted more entries than it has: some of weight 0 behind its own.
+void addEmptyEntries(ContributorLists& lists, std::size_t surfels) {
+    const std::size_t pixels = lists.starts.bytes() / sizeof(std::uint64_t) - 1;
+    std::vector<std::uint64_t> starts{0};
+    std::vector<std::uint32_t> slots;
+    std::vector<float> weights;
+    for (std::size_t p = 0; p < pixels; ++p) {
+        const std::uint64_t begin = lists.starts.as<std::uint64_t>()[p], end = lists.starts.as<std::uint64_t>()[p + 1];
+        for (std::uint64_t e = begin; e < end; ++e) {
+            slots.push_back(lists.surfels.as<std::uint32_t>()[e]);
+            weights.push_back(lists.weights.as<float>()[e]);
+        }
+        slots.insert(slots.end(), p % 3, static_cast<std::uint32_t>(surfels));
+        weights.insert(weights.end(), p % 3, 0.0f);
+        starts.push_back(slots.size());
+    }
+    const auto put = [](Buffer& buffer, const auto& values) {
+        const auto bytes = std::as_bytes(std::span(values));
+        buffer = Buffer::allocate({}, bytes.size(), "test: lists").value();
+        ASSERT_TRUE(uploadBuffer(buffer, bytes).ok());
+    };
+    put(lists.starts, starts);
+    put(lists.surfels, slots);
+    put(lists.weights, weights);
+    lists.entries = slots.size();
+}
+
+// The first surfel lies behind the camera: nothing was projected where an entry without a surfel might look.
+TEST(SplatGradientDevice, EntriesOfWeightZeroSayNothing) {
+    const Camera camera = straightCamera(45, 33, 40, 22, 16);
+    Surfels surfels = randomSurfels(400, 31);
+    surfels.means[0].z = -5.0f;
+    const RandomGradients gradients(camera, kAllChannels, surfels, {});
+    const BackwardCase everything{{}, surfels, camera, kAllChannels, gradients.views, {}};
+    SurfelGradients plain, padded;
+    ASSERT_TRUE(emulatedBackward(everything, plain).ok());
+    ASSERT_TRUE(emulatedBackward(everything, padded, [&](ContributorLists& lists) {
+                    addEmptyEntries(lists, surfels.count());
+                }).ok());
+    for (int attribute = 0; attribute < kAttributes; ++attribute) {
+        EXPECT_EQ(flat(padded, attribute), flat(plain, attribute)) << "attribute " << attribute;
+    }
+}
+
+// The results of both forms, bit for bit, on every device that is here.
+TEST(SplatGradientDevice, ArraysOnTheDeviceGetWhatVectorsGet) {
+    const Camera camera = straightCamera(60, 44, 50, 30, 22);
+    const Surfels surfels = randomSurfels(700, 5);
+    const RandomGradients gradients(camera, kAllChannels, surfels, {});
+    const BackwardCase everything{{}, surfels, camera, kAllChannels, gradients.views, {}};
+    for (const Device& device : devicesUnderTest()) {
+        SCOPED_TRACE(deviceName(device));
+        SurfelGradients vectors, arrays;
+        ASSERT_TRUE(backwardOn(device, CpuPath::Best, everything, vectors).ok());
+        ASSERT_TRUE(backwardToArrays(device, everything, arrays).ok());
+        for (int attribute = 0; attribute < kAttributes; ++attribute) {
+            EXPECT_EQ(flat(arrays, attribute), flat(vectors, attribute)) << "attribute " << attribute;
+        }
+    }
+}
+
 TEST(SplatGradientDevice, WhatDoesNotFitIsNamed) {
     const Camera camera = straightCamera(20, 20, 20, 10, 10);
     const Surfels surfels = randomSurfels(50, 2);
@@ -184,6 +245,12 @@ TEST(SplatGradientDevice, WhatDoesNotFitIsNamed) {
     more[Channel::Depth] = {gradients.values[0].data(), 20, 20, 1};
     EXPECT_NE(sentence(viewOf(surfels), more, nullptr).find("a gradient of depth was given, which was not splatted"),
               std::string::npos);
+    SurfelGradientArrays arrays = prepareOutputs(surfels.count(), gradients.views, out);
+    arrays.scales = nullptr;
+    const Status missing =
+        splatBackward({}, viewOf(surfels), camera, gbuffer, nullptr, gradients.views, memory, arrays);
+    ASSERT_FALSE(missing.ok());
+    EXPECT_NE(missing.error().describe().find("scales and opacities need an array each"), std::string::npos);
 }
 
 } // namespace

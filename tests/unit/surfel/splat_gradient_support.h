@@ -5,6 +5,7 @@
 #include "tests/unit/surfel/splat_support.h"
 
 #include <functional>
+#include <limits>
 #include <numeric>
 #include <string>
 #include <vector>
@@ -70,8 +71,10 @@ template <SurfelKernel Kernel, DepthMode Depth>
 void emulateCuda(EntryPass p) {
     const auto entries = static_cast<std::size_t>(p.entryCount);
     const auto stride = static_cast<std::size_t>(p.pictures.stride());
-    std::vector<ProjectedSurfel<float>> rows(p.surfels.count);
-    std::vector<float> features(p.surfels.count * stride), pixels(p.pixels * (stride + 2)), alphas(entries);
+    // What nothing is written to holds no numbers, and neither does the row behind the last surfel's.
+    std::vector<ProjectedSurfel<float>> rows(p.surfels.count + 1);
+    std::vector<float> features((p.surfels.count + 1) * stride, std::numeric_limits<float>::quiet_NaN());
+    std::vector<float> pixels(p.pixels * (stride + 2)), alphas(entries);
     std::vector<std::uint32_t> entryPixels(entries), numbers(entries), sortedSurfels(entries);
     p.rows = rows.data();
     p.features = features.data();
@@ -90,16 +93,19 @@ void emulateCuda(EntryPass p) {
     emulateWarps<Kernel, Depth>(p);
 }
 
-inline Status emulatedBackward(const BackwardCase& c, SurfelGradients& out) {
+/// @param change  what becomes of the lists between the passes
+inline Status emulatedBackward(const BackwardCase& c, SurfelGradients& out,
+                               const std::function<void(ContributorLists&)>& change = {}) {
     GBuffer gbuffer;
     SplatWorkspace workspace;
     ContributorLists lists;
     ARS_TRY_STATUS(splat(c.params, viewOf(c.surfels), c.camera, c.channels, gbuffer, workspace, &lists));
+    if (change) change(lists);
     SplatGradientWorkspace memory;
     ARS_TRY(const SplatBackwardArguments arguments, backwardArguments(c.params, viewOf(c.surfels), c.camera, gbuffer,
-                                                                      &lists, c.gradients, memory, out, c.options));
+                                                                      &lists, c.gradients, memory, {}, c.options));
     EntryPass pass = entryPass(arguments);
-    pass.out = arguments.out;
+    pass.out = prepareOutputs(c.surfels.count(), c.gradients, out);
     if (c.params.kernel == SurfelKernel::RaySplat) {
         emulateCuda<SurfelKernel::RaySplat, DepthMode::Exact>(pass);
     } else if (c.params.depth == DepthMode::Exact) {
@@ -112,8 +118,9 @@ inline Status emulatedBackward(const BackwardCase& c, SurfelGradients& out) {
 
 // --- everything that can pass back -----------------------------------------------------------------------------------
 
-/// Forward and backward on one device, with copies of the gradients there.
-inline Status backwardOn(const Device& device, CpuPath path, const BackwardCase& c, SurfelGradients& out) {
+/// Forward and backward on one device, with copies of the gradients there; results to vectors or to arrays there.
+template <typename Out>
+Status backwardOn(const Device& device, CpuPath path, const BackwardCase& c, Out& out) {
     const DeviceSurfels there(c.surfels, device);
     GBuffer gbuffer;
     SplatWorkspace workspace;
@@ -136,6 +143,40 @@ inline Status backwardOn(const Device& device, CpuPath path, const BackwardCase&
                          c.options);
 }
 
+/// Backward to arrays on the device, brought to the host.
+inline Status backwardToArrays(const Device& device, const BackwardCase& c, SurfelGradients& out) {
+    const SurfelGradientArrays host = prepareOutputs(c.surfels.count(), c.gradients, out);
+    SurfelGradientArrays there;
+    struct Copy {
+        Buffer buffer;
+        float* to;
+        std::size_t floats;
+    };
+    std::vector<Copy> copies;
+    const auto add = [&](float* to, std::size_t width, float*& array) -> Status {
+        if (!to) return {};
+        const std::vector<float> zeros(c.surfels.count() * width, 0.0f);
+        ARS_TRY(Buffer buffer, Buffer::allocate(device, zeros.size() * sizeof(float), "test: results"));
+        ARS_TRY_STATUS(uploadBuffer(buffer, std::as_bytes(std::span(zeros))));
+        array = static_cast<float*>(buffer.data());
+        copies.push_back({std::move(buffer), to, zeros.size()});
+        return {};
+    };
+    ARS_TRY_STATUS(add(host.means, 3, there.means));
+    ARS_TRY_STATUS(add(host.rotations, 4, there.rotations));
+    ARS_TRY_STATUS(add(host.scales, 2, there.scales));
+    ARS_TRY_STATUS(add(host.opacities, 1, there.opacities));
+    for (int i = 0; i < kChannelCount; ++i) {
+        const auto width = static_cast<std::size_t>(channelWidth(static_cast<Channel>(i)));
+        ARS_TRY_STATUS(add(host.attributes[i], width, there.attributes[i]));
+    }
+    ARS_TRY_STATUS(backwardOn(device, CpuPath::Best, c, there));
+    for (Copy& copy : copies) {
+        ARS_TRY_STATUS(downloadBuffer(std::as_writable_bytes(std::span(copy.to, copy.floats)), copy.buffer));
+    }
+    return {};
+}
+
 struct Backward {
     std::string name;
     std::function<Status(const BackwardCase&, SurfelGradients&)> run;
@@ -143,7 +184,8 @@ struct Backward {
 
 /// Every device, every instruction set, and CUDA's pass in plain loops.
 inline std::vector<Backward> backwards() {
-    std::vector<Backward> result{{"CUDA in plain loops", emulatedBackward}};
+    std::vector<Backward> result{
+        {"CUDA in plain loops", [](const BackwardCase& c, SurfelGradients& out) { return emulatedBackward(c, out); }}};
     for (const Device& device : devicesUnderTest()) {
         if (device.kind == DeviceKind::Host) {
             for (const CpuPath path : availableCpuPaths()) {
