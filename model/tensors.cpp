@@ -75,19 +75,6 @@ Status checkLoadable(const NetworkTensor& entry, const std::string& name, const 
 
 } // namespace
 
-at::Tensor tensorOver(std::vector<glm::vec3>& values) {
-    return at::from_blob(values.data(), {signedSize(values.size()), 3}, at::kFloat);
-}
-
-at::Tensor tensorOver(std::vector<float>& values, std::int64_t width) {
-    assert(width > 0 && signedSize(values.size()) % width == 0);
-    return at::from_blob(values.data(), {signedSize(values.size()) / width, width}, at::kFloat);
-}
-
-at::Tensor tensorOver(ImageView<float> picture) {
-    return at::from_blob(picture.data, {picture.height, picture.width, picture.channels}, at::kFloat);
-}
-
 at::Tensor tensorOf(std::span<const float> values) { return copyOf(values.data(), {signedSize(values.size())}); }
 
 at::Tensor tensorOf(std::span<const glm::vec2> values) { return copyOf(values.data(), {signedSize(values.size()), 2}); }

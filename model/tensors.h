@@ -16,12 +16,6 @@ namespace ars {
 
 struct SafetensorsFile;
 
-/// (N, 3) float tensor over the vectors, not copied; valid as long as they are neither moved nor resized.
-at::Tensor tensorOver(std::vector<glm::vec3>& values);
-/// (N, width) float tensor over the numbers, not copied.
-at::Tensor tensorOver(std::vector<float>& values, std::int64_t width);
-/// (height, width, channels) float tensor over a picture, not copied.
-at::Tensor tensorOver(ImageView<float> picture);
 /// Copies of numbers: (N), (N, 2), (N, 3) float.
 at::Tensor tensorOf(std::span<const float> values);
 at::Tensor tensorOf(std::span<const glm::vec2> values);

@@ -114,8 +114,9 @@ Status Adam::loadGroup(const SafetensorsFile& file, Group& group) {
     for (Slot& slot : group.slots) {
         for (auto [ending, moment] : {std::pair{".m", &slot.first}, std::pair{".v", &slot.second}}) {
             const std::string name = "adam." + slot.leaf.name + ending;
-            ARS_TRY(const Array* array, file.find(name));
-            ARS_TRY(const at::Tensor values, tensorFromArray(*array));
+            const auto entry = file.tensors.find(name);
+            if (entry == file.tensors.end()) return makeError(ErrorCode::BadFile, name, "is missing");
+            ARS_TRY(const at::Tensor values, tensorFromArray(entry->second));
             if (values.sizes() != moment->sizes()) {
                 return makeError(ErrorCode::BadFile, name,
                                  fmt::format("has {} numbers, expected {}", values.numel(), moment->numel()));
