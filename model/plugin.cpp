@@ -210,10 +210,10 @@ private:
         if (name.starts_with(kRest)) {
             ARS_TRY(avatar, restAvatarOf(name.substr(kRest.size()), progress));
         } else {
-            ARS_TRY(const OpenedTrainedAvatar opened,
-                    openTrainedAvatar(request.avatar, request.project, [this](const auto& folder, bool project) {
-                        return openAvatar(folder, project);
-                    }));
+            const TrainedAvatarOpener opener = [this](const std::filesystem::path& folder, bool project) {
+                return openAvatar(folder, project, AvatarPrecision::Exact);
+            };
+            ARS_TRY(const OpenedTrainedAvatar opened, openTrainedAvatar(request.avatar, request.project, opener));
             avatar.evaluator = opened.evaluator;
             avatar.radii = opened.radii;
             avatar.light = opened.light;
