@@ -19,6 +19,7 @@ FrameInputs previewInputs(const AvatarModel& model) {
     inputs.posing = shownPosing(model.spec);
     inputs.occlusion.method = model.spec.occluded ? OcclusionMethod::ScreenSpace : OcclusionMethod::Off;
     inputs.occlusion.screenSpace = shownOcclusion(model.spec);
+    inputs.occlusion.screenSpace.quality = OcclusionQuality::Interactive; // a small picture need not take seconds
     return inputs;
 }
 

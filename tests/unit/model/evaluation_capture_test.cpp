@@ -285,6 +285,7 @@ TEST_F(EvaluationOfItself, NobodyAnywhereIsAnError) {
 TEST_F(EvaluationOfItself, EverySetIsComparedWithItsOwnLight) {
     writeItself([](Told&) {});
     const fs::path both = folder_ / "both";
+    fs::create_directories(both);
     for (const char* name : {"one", "two"}) fs::copy(capture_, both / name, fs::copy_options::recursive);
     auto sky = readEnvironment(both / "two" / "lights" / "sky.exr");
     ASSERT_TRUE(sky.ok()) << sky.error().describe();
