@@ -5,6 +5,7 @@
 #include "model/avatar/avatar_model.h"
 #include "model/evaluation/evaluation.h"
 #include "model/run/training_run.h"
+#include "model/training/placement.h"
 #include "model/training/trainer.h"
 #include "model/training/training_config.h"
 
@@ -65,7 +66,10 @@ struct PreparedRun {
 
 Status applySettings(const TrainRequest& request, TrainingConfig& config) {
     for (const auto& [name, value] : request.settings) ARS_TRY_STATUS(setTrainingParameter(config, name, value));
-    return validateTrainingConfig(config);
+    ARS_TRY_STATUS(validateTrainingConfig(config));
+    // A device that is not here is told of before a folder is made.
+    const Result<Device> device = trainingDevice(config.run.device);
+    return device ? Status() : Status(device.error());
 }
 
 Result<PreparedRun> prepareNewRun(const TrainRequest& request) {
