@@ -8,6 +8,7 @@
 #include "model/evaluation/evaluation.h"
 #include "model/run/run_failure.h"
 #include "model/run/training_run.h"
+#include "model/training/placement.h"
 #include "model/training/trainer.h"
 #include "model/training/training_config.h"
 
@@ -55,7 +56,10 @@ struct PreparedRun {
 Status applySettings(const TrainRequest& request, TrainingConfig& config) {
     for (const auto& [name, value] : request.settings) ARS_TRY_STATUS(setTrainingParameter(config, name, value));
     makePathsAbsolute(config);
-    return validateTrainingConfig(config);
+    ARS_TRY_STATUS(validateTrainingConfig(config));
+    // A device that is not here is told of before a folder is made.
+    const Result<Device> device = trainingDevice(config.run.device);
+    return device ? Status() : Status(device.error());
 }
 
 /// config.json names the files in UTF-8: a run on others could never be resumed.

@@ -1,6 +1,6 @@
 #include "engine/core/buffer_cuda.h"
 
-#include "engine/core/cuda_status.h"
+#include "engine/core/cuda_status.cuh"
 
 namespace ars::cuda {
 namespace {

@@ -1,6 +1,6 @@
 #include "engine/gl/device_texture_cuda.h"
 
-#include "engine/core/cuda_status.h"
+#include "engine/core/cuda_status.cuh"
 
 #include <GL/gl.h>
 

@@ -5,7 +5,7 @@
 // GLM marks defaulted constructors for the device, which nvcc remarks on a hundred times.
 #pragma nv_diag_suppress 20012
 
-#include "engine/core/cuda_status.h"
+#include "engine/core/cuda_status.cuh"
 #include "engine/light/prefilter_gradient_kernels.h"
 
 namespace ars::cuda {

@@ -1,6 +1,6 @@
 #include <cuda_runtime.h>
 
-#include "engine/core/cuda_status.h"
+#include "engine/core/cuda_status.cuh"
 #include "engine/occlusion/radius_gradient_kernels.h"
 
 namespace ars::cuda {

@@ -141,7 +141,7 @@ DecodedSurfels decodeSurfels(const DecodingParams& params, const SurfelBase& bas
         surfels.opacities =
             at::sigmoid(logit(params.initialOpacity) + withBase(raw.opacities, base.geometry, 3, 1)).squeeze(1);
         surfels.scales = at::exp(base.logScales + withBase(raw.scales.slice(1, 0, 2), base.geometry, 4, 2));
-        const at::Tensor identity = at::tensor({1.0f, 0.0f, 0.0f, 0.0f});
+        const at::Tensor identity = at::tensor({1.0f, 0.0f, 0.0f, 0.0f}, base.rotations.options());
         surfels.rotations = quaternionProduct(base.rotations, identity + withBase(raw.rotations, base.geometry, 6, 4));
     }
     if (raw.albedos.defined()) {

@@ -54,7 +54,7 @@ void checkDepth(const char* what, const at::Tensor& depth, const at::Tensor& opa
                 depth.size(1), " x ", depth.size(0), " pixels, found ", camera.width, " x ", camera.height);
 }
 
-at::Tensor plain(const at::Tensor& tensor, c10::ScalarType type) { return tensor.detach().to(type).contiguous(); }
+at::Tensor plain(const at::Tensor& tensor, c10::ScalarType type) { return detail::onHost(tensor).to(type); }
 
 class DepthNormalsFunction : public torch::autograd::Function<DepthNormalsFunction> {
 public:
@@ -174,6 +174,7 @@ RowSums totalOf(const std::vector<RowSums>& rows) {
 
 at::Tensor depthNormals(const at::Tensor& depth, const at::Tensor& opacity, const Camera& camera) {
     checkDepth("depthNormals", depth, opacity, camera);
+    TORCH_CHECK(depth.is_cpu(), "depthNormals: expected a depth picture in host memory, found one on ", depth.device());
     return DepthNormalsFunction::apply(depth, opacity.detach(), camera);
 }
 
@@ -182,7 +183,7 @@ at::Tensor depthNormalLoss(const at::Tensor& normal, const at::Tensor& depth, co
     checkDepth("depthNormalLoss", depth, opacity, camera);
     TORCH_CHECK(normal.numel() == 3 * depth.numel(), "depthNormalLoss: expected normals of the depth's size ",
                 depth.sizes(), ", found ", normal.sizes());
-    const at::Tensor z = depth.detach().contiguous();
+    const at::Tensor z = detail::onHost(depth);
     const at::Tensor o = plain(opacity, z.scalar_type()), n = plain(normal, z.scalar_type());
     at::Tensor gradNormal, gradDepth;
     if (detail::wantsGradient(normal)) gradNormal = at::zeros_like(n);
@@ -208,8 +209,8 @@ at::Tensor curvatureLoss(const at::Tensor& normal, const at::Tensor& opacity) {
     const std::int64_t height = normal.size(0), width = normal.size(1);
     TORCH_CHECK(opacity.numel() == height * width, "curvatureLoss: expected an opacity of the normals' size, found ",
                 opacity.sizes());
-    const at::Tensor n = normal.detach().contiguous();
-    const at::Tensor foreground = opacity.detach().gt(detail::kForegroundOpacity).contiguous();
+    const at::Tensor n = detail::onHost(normal);
+    const at::Tensor foreground = detail::onHost(opacity).gt(detail::kForegroundOpacity);
     at::Tensor gradient;
     if (detail::wantsGradient(normal)) gradient = at::zeros_like(n);
     std::vector<RowSums> rows(static_cast<std::size_t>(height));

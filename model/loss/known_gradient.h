@@ -9,7 +9,8 @@
 #include <vector>
 
 /// What the losses share: a loss is one number, so its gradient is found in the same pass as its value and kept until
-/// backward multiplies it by what comes from above.
+/// backward multiplies it by what comes from above. Both are found in host memory, whatever device the inputs lie on:
+/// pictures of one step are brought there, gradients back.
 namespace ars::detail {
 
 /// An input of a loss with dL/d input up to the common factor; undefined: it receives none.
@@ -50,10 +51,16 @@ inline bool wantsGradient(const at::Tensor& tensor) {
     return at::GradMode::is_enabled() && tensor.defined() && tensor.requires_grad();
 }
 
-/// The scalar `value` whose derivatives are scale x gradient.
+/// The numbers of a tensor in host memory, contiguous and without history; those there already are not copied.
+inline at::Tensor onHost(const at::Tensor& tensor) { return tensor.detach().cpu().contiguous(); }
+
+/// The scalar `value`, on the inputs' device, whose derivatives are scale x gradient.
 inline at::Tensor lossOf(double value, double scale, const KnownGradient& first, const KnownGradient& second = {}) {
+    const auto beside = [](const KnownGradient& known) {
+        return known.gradient.defined() ? known.gradient.to(known.input.device()) : known.gradient;
+    };
     return KnownGradientFunction::apply(first.input, second.input.defined() ? second.input : first.input,
-                                        KnownGradientPair{first.gradient, second.gradient, scale}, value);
+                                        KnownGradientPair{beside(first), beside(second), scale}, value);
 }
 
 /// Sum over rows of rowSum(row): in double, one row after another, so that threads do not change it.

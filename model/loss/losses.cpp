@@ -61,14 +61,14 @@ struct VariationRow {
 /// Mean |difference| of neighbours in pictures (faces, height, width, channels) that lie one after another.
 at::Tensor meanVariation(const at::Tensor& input, std::int64_t faces, std::int64_t height, std::int64_t width,
                          std::int64_t channels, const at::Tensor& opacity) {
-    const at::Tensor values = input.detach().contiguous();
+    const at::Tensor values = detail::onHost(input);
     at::Tensor gradient;
     if (detail::wantsGradient(input)) gradient = at::zeros_like(values);
     const auto rows = static_cast<std::size_t>(faces * height);
     std::vector<double> sums(rows);
     std::vector<std::int64_t> pairs(rows, 0);
     AT_DISPATCH_FLOATING_TYPES(values.scalar_type(), "totalVariation", [&] {
-        const at::Tensor mask = opacity.defined() ? opacity.detach().to(values.scalar_type()).contiguous() : opacity;
+        const at::Tensor mask = opacity.defined() ? detail::onHost(opacity).to(values.scalar_type()) : opacity;
         const VariationRow<scalar_t> variation{
             values.const_data_ptr<scalar_t>(), mask.defined() ? mask.const_data_ptr<scalar_t>() : nullptr,
             gradient.defined() ? gradient.data_ptr<scalar_t>() : nullptr, width, channels};
@@ -92,8 +92,8 @@ at::Tensor meanVariation(const at::Tensor& input, std::int64_t faces, std::int64
 at::Tensor l1Loss(const at::Tensor& picture, const at::Tensor& target, const at::Tensor& mask) {
     TORCH_CHECK(picture.sizes() == target.sizes(), "l1Loss: expected a target of size ", picture.sizes(), ", found ",
                 target.sizes());
-    const at::Tensor a = picture.detach().contiguous();
-    const at::Tensor b = target.detach().to(a.scalar_type()).contiguous();
+    const at::Tensor a = detail::onHost(picture);
+    const at::Tensor b = detail::onHost(target).to(a.scalar_type());
     const std::int64_t channels = a.dim() > 0 ? a.size(-1) : 1;
     const std::int64_t width = a.dim() > 1 ? a.size(-2) : 1;
     const std::int64_t rowValues = width * channels;
@@ -105,7 +105,7 @@ at::Tensor l1Loss(const at::Tensor& picture, const at::Tensor& target, const at:
     std::vector<std::int64_t> counted(rows, 0);
     double sum = 0;
     AT_DISPATCH_FLOATING_TYPES(a.scalar_type(), "l1Loss", [&] {
-        const at::Tensor weights = mask.defined() ? mask.detach().to(a.scalar_type()).contiguous() : mask;
+        const at::Tensor weights = mask.defined() ? detail::onHost(mask).to(a.scalar_type()) : mask;
         const auto* pa = a.const_data_ptr<scalar_t>();
         const auto* pb = b.const_data_ptr<scalar_t>();
         const auto* pm = weights.defined() ? weights.const_data_ptr<scalar_t>() : nullptr;
@@ -135,7 +135,7 @@ at::Tensor l1Loss(const at::Tensor& picture, const at::Tensor& target, const at:
 at::Tensor offsetLoss(const at::Tensor& offsets, bool squared) {
     TORCH_CHECK(offsets.dim() == 2 && offsets.size(1) == 3, "offsetLoss: expected (surfels, 3), found ",
                 offsets.sizes());
-    const at::Tensor values = offsets.detach().contiguous();
+    const at::Tensor values = detail::onHost(offsets);
     at::Tensor gradient;
     if (detail::wantsGradient(offsets)) gradient = at::empty_like(values);
     constexpr std::size_t kBlock = 256;
@@ -180,7 +180,7 @@ at::Tensor lightTotalVariation(const at::Tensor& texels) {
 at::Tensor whiteLightLoss(const at::Tensor& texels) {
     TORCH_CHECK(texels.dim() >= 1 && texels.size(-1) == 3, "whiteLightLoss: expected three channels, found ",
                 texels.sizes());
-    const at::Tensor values = texels.detach().contiguous();
+    const at::Tensor values = detail::onHost(texels);
     at::Tensor gradient;
     if (detail::wantsGradient(texels)) gradient = at::empty_like(values);
     const auto count = static_cast<std::size_t>(values.numel() / 3);

@@ -1,4 +1,5 @@
 #include "model/loss/known_gradient.h"
+#include "model/loss/loss_chains.h"
 #include "model/loss/perceptual.h"
 #include "model/loss/torch_file.h"
 
@@ -39,13 +40,12 @@ constexpr Layer kAlexNet[] = {{"features.0", 3, 64, 11, 4, 2, 0, true},
                               {"features.8", 384, 256, 3, 1, 1, 0, true},
                               {"features.10", 256, 256, 3, 1, 1, 0, true}};
 constexpr double kShift[3] = {-0.030, -0.088, -0.188}, kScale[3] = {0.458, 0.448, 0.450};
-constexpr double kLengthGuard = 1e-10;
 
 /// One layer's term, 1/P sum_p sum_c w_c (f_c / (|f| + e) - g_c / (|g| + e))^2, with its gradient by f.
 /// Both are (P, C), pixels outside, so that a pixel's channels lie together.
 template <typename T>
 double layerDistance(const T* f, const T* g, const T* weights, std::size_t pixels, std::size_t channels, T* gradient) {
-    const T guard = static_cast<T>(kLengthGuard);
+    const T guard = static_cast<T>(chains::kLengthGuard);
     const double sum = detail::sumOverRows(pixels, 64, [&](std::size_t p) {
         const T *fp = f + p * channels, *gp = g + p * channels;
         T squareF = 0, squareG = 0;
@@ -99,6 +99,16 @@ public:
 
     std::string name() const override { return name_; }
 
+    void moveTo(const c10::Device& device) override {
+        for (Convolution& c : convolutions_) {
+            c.weight = c.weight.to(device);
+            c.bias = c.bias.to(device);
+        }
+        for (at::Tensor& head : heads_) head = head.to(device);
+        scale_ = scale_.to(device);
+        shift_ = shift_.to(device);
+    }
+
     at::Tensor evaluate(const at::Tensor& picture, const at::Tensor& target) const override {
         TORCH_CHECK(picture.dim() == 3 && picture.size(2) == 3 && picture.sizes() == target.sizes(), name_,
                     ": expected two pictures (height, width, 3), found ", picture.sizes(), " and ", target.sizes());
@@ -139,6 +149,8 @@ private:
     }
 
     static at::Tensor distance(const at::Tensor& ours, const at::Tensor& theirs, const at::Tensor& weights) {
+        // Features are too large to be brought to the host.
+        if (!ours.is_cpu()) return chains::featureDistance(ours, theirs, weights);
         const at::Tensor f = ours.detach().contiguous(at::MemoryFormat::ChannelsLast);
         const at::Tensor g = theirs.contiguous(at::MemoryFormat::ChannelsLast);
         at::Tensor gradient;

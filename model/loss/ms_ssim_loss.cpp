@@ -298,8 +298,8 @@ public:
                     target.sizes());
         const at::Tensor edges = totalVariation(picture - target.detach(), {});
         if (scaleCount(picture.size(0), picture.size(1)) == 0) return edges;
-        const at::Tensor a = picture.detach().contiguous();
-        const at::Tensor b = target.detach().to(a.scalar_type()).contiguous();
+        const at::Tensor a = detail::onHost(picture);
+        const at::Tensor b = detail::onHost(target).to(a.scalar_type());
         at::Tensor gradient;
         double value = 0;
         AT_DISPATCH_FLOATING_TYPES(a.scalar_type(), "ms_ssim_gradient", [&] {

@@ -1,5 +1,6 @@
 #include "engine/surfel/knn.h"
 #include "model/loss/known_gradient.h"
+#include "model/loss/loss_chains.h"
 #include "model/loss/losses.h"
 
 #include <ATen/Dispatch.h>
@@ -98,6 +99,7 @@ NeighbourPairs canonicalNeighbours(std::span<const glm::vec3> canonical, int nei
 at::Tensor normalsOfRotations(const at::Tensor& rotations) {
     TORCH_CHECK(rotations.dim() == 2 && rotations.size(1) == 4, "normalsOfRotations: expected (surfels, 4), found ",
                 rotations.sizes());
+    if (!rotations.is_cpu()) return chains::normalsOfRotations(rotations);
     return NormalsOfRotationsFunction::apply(rotations);
 }
 
@@ -106,8 +108,8 @@ at::Tensor normalDeformationLoss(const NeighbourPairs& pairs, const at::Tensor& 
     TORCH_CHECK(normals.dim() == 2 && normals.size(1) == 3 && means.sizes() == normals.sizes(),
                 "normalDeformationLoss: expected means and normals (surfels, 3), found ", means.sizes(), " and ",
                 normals.sizes());
-    const at::Tensor n = normals.detach().contiguous(), mu = means.detach().to(n.scalar_type()).contiguous();
-    const at::Tensor subset = chosen.defined() ? chosen.contiguous() : chosen;
+    const at::Tensor n = detail::onHost(normals), mu = detail::onHost(means).to(n.scalar_type());
+    const at::Tensor subset = chosen.defined() ? detail::onHost(chosen) : chosen;
     const auto count = static_cast<std::size_t>(chosen.defined() ? chosen.numel() : pairs.first.numel());
     const auto* first = pairs.first.const_data_ptr<std::int64_t>();
     const auto* second = pairs.second.const_data_ptr<std::int64_t>();

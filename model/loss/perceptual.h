@@ -15,6 +15,8 @@ public:
     virtual ~PerceptualLoss() = default;
     /// "lpips_vgg", "lpips_alex", "ms_ssim_gradient": the name under which a figure of it may be printed.
     virtual std::string name() const = 0;
+    /// Puts its weights, where it has any, on the device on which pictures will lie; at first they are in host memory.
+    virtual void moveTo(const c10::Device&) {}
     /// Scalar; differentiable in the first picture.
     virtual at::Tensor evaluate(const at::Tensor& picture, const at::Tensor& target) const = 0;
 };

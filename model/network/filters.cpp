@@ -1,5 +1,6 @@
 #include "model/network/filters.h"
 
+#include "model/network/filter_chains.h"
 #include "model/network/filter_kernels.h"
 
 #include <ATen/ATen.h>
@@ -398,6 +399,7 @@ struct GatherFunction : Function<GatherFunction> {
 } // namespace
 
 at::Tensor blur(const at::Tensor& x, int before, int after) {
+    if (!x.is_cpu()) return chains::blur(x, before, after, 1);
     return BlurFunction::apply(x, static_cast<std::int64_t>(before), static_cast<std::int64_t>(after));
 }
 
@@ -406,17 +408,19 @@ at::Tensor blurDownsample(const at::Tensor& x) {
 }
 
 at::Tensor activate(const at::Tensor& x, const ActivationTerms& terms) {
+    if (!x.is_cpu()) return chains::activate(x, terms);
     return ActivationFunction::apply(x, terms.bias, maybe(terms.noise), maybe(terms.strength), maybe(terms.other),
                                      false);
 }
 
 at::Tensor blurActivate(const at::Tensor& x, const ActivationTerms& terms) {
+    if (!x.is_cpu()) return chains::blurActivate(x, terms);
     return ActivationFunction::apply(x, terms.bias, maybe(terms.noise), maybe(terms.strength), maybe(terms.other),
                                      true);
 }
 
 at::Tensor activateFolded(const at::Tensor& x, const ActivationTerms& terms, bool blurred) {
-    TORCH_CHECK(x.is_contiguous(kLast), "activate: expected channels last");
+    TORCH_CHECK(x.is_cpu() && x.is_contiguous(kLast), "activate: expected channels last in host memory");
     at::Tensor y = blurred ? emptyLast(x.size(1), x.size(2) - 1, x.size(3) - 1, x) : x;
     checkTerms(y, terms);
     AT_DISPATCH_FLOATING_TYPES_AND(at::kBFloat16, x.scalar_type(), "activate",
@@ -425,14 +429,17 @@ at::Tensor activateFolded(const at::Tensor& x, const ActivationTerms& terms, boo
 }
 
 at::Tensor addSubbands(const at::Tensor& subbands, const at::Tensor& previous) {
+    if (!subbands.is_cpu()) return chains::addSubbands(subbands, previous);
     return SubbandFunction::apply(subbands, maybe(previous));
 }
 
 at::Tensor modulatedWeight(const at::Tensor& weight, const at::Tensor& style, bool demodulate, bool transposed) {
+    if (!weight.is_cpu()) return chains::modulatedWeight(weight, style, demodulate, transposed);
     return ModulationFunction::apply(weight, style, demodulate, transposed);
 }
 
 at::Tensor gatherSides(const at::Tensor& front, const at::Tensor& back, const at::Tensor& pixels) {
+    if (!front.is_cpu()) return chains::gatherSides(front, back, pixels);
     return GatherFunction::apply(front, back, pixels);
 }
 

@@ -6,8 +6,8 @@ namespace ars {
 
 /// The parts of a StyleUNet that are no convolution with learned weights, as functions of autograd
 /// (docs/math/network.md). All work on (1, C, H, W), float or double, and give channels-last tensors; inputs in another
-/// layout are copied. Each makes one pass over memory where a chain of library operators would make five to ten. The
-/// same numbers come out whatever the number of threads.
+/// layout are copied. In host memory each makes one pass where a chain of library operators would make five to ten, and
+/// the same numbers come out whatever the number of threads; on other devices that chain is taken (filter_chains.h).
 
 /// Blurs by outer([1, 3, 3, 1]) / 64 after putting `before` zeros above and left and `after` below and right: side
 /// H + before + after - 3.

@@ -251,7 +251,7 @@ Result<StyleUnet> StyleUnet::create(const StyleUnetConfig& config, std::uint64_t
 }
 
 at::Tensor StyleUnet::Layers::styleOf() const {
-    at::Tensor x = style.to(input.weight.scalar_type());
+    at::Tensor x = style.to(input.weight.device(), input.weight.scalar_type());
     for (const ConvolutionLayer& layer : mapping) {
         const double scale = kMappingRate / std::sqrt(static_cast<double>(x.numel()));
         x = leakyRelu(at::mv(layer.weight, x) * scale + layer.bias * kMappingRate) * std::sqrt(2.0);

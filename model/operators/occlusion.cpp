@@ -29,7 +29,7 @@ struct OcclusionNode : operators::Node {
         if (!grads[0].defined()) return {at::Tensor()};
         const at::Tensor grad = grads[0].contiguous(), plus = kept(0), minus = kept(1), opacity = kept(2);
         at::Tensor result = at::empty_like(grad);
-        require(backwardRadius({}, {}, pictureOf(grad), pictureOf(occlusionPlus), pictureOf(occlusionMinus),
+        require(backwardRadius(deviceOf(grad), {}, pictureOf(grad), pictureOf(occlusionPlus), pictureOf(occlusionMinus),
                                pictureOf(plus), pictureOf(minus), pictureOf(opacity), pictureToFill(result)));
         return {result};
     }
@@ -39,7 +39,7 @@ struct OcclusionNode : operators::Node {
 at::Tensor picture(const GBufferTensors& gbuffer, Channel channel, const Camera& camera, bool optional) {
     if (optional && !gbuffer[channel].defined()) return {};
     return checked(gbuffer[channel].defined() ? gbuffer[channel].detach() : gbuffer[channel], kPlace,
-                   channelName(channel), {camera.height, camera.width, channelWidth(channel)});
+                   channelName(channel), {camera.height, camera.width, channelWidth(channel)}, gbuffer[Channel::Depth]);
 }
 
 } // namespace
@@ -54,15 +54,10 @@ at::Tensor occlusionTensor(const OcclusionParams& params, const GBufferTensors& 
     const at::Tensor opacity = picture(gbuffer, Channel::Opacity, camera, false);
     const at::Tensor plus = picture(gbuffer, Channel::RadiusPlus, camera, true);
     const at::Tensor minus = picture(gbuffer, Channel::RadiusMinus, camera, true);
-    const OcclusionInputs inputs{{},
-                                 camera,
-                                 pictureOf(depth),
-                                 pictureOf(normal),
-                                 pictureOf(radius),
-                                 pictureOf(importance),
-                                 pictureOf(bone),
-                                 pictureOf(opacity)};
-    at::Tensor occlusion = at::empty({camera.height, camera.width, 1}, at::kFloat);
+    const OcclusionInputs inputs{
+        deviceOf(depth),       camera,          pictureOf(depth),  pictureOf(normal), pictureOf(radius),
+        pictureOf(importance), pictureOf(bone), pictureOf(opacity)};
+    at::Tensor occlusion = at::empty({camera.height, camera.width, 1}, depth.options());
     if (!plus.defined() || !minus.defined() || !operators::wantsGradient({gbuffer[Channel::Radius]})) {
         require(ambientOcclusion(params, inputs, workspace, pictureToFill(occlusion), pass));
         return occlusion;

@@ -34,13 +34,17 @@ void fail(std::string_view place, std::string message) {
 }
 
 at::Tensor checked(const at::Tensor& tensor, std::string_view place, std::string_view name,
-                   std::initializer_list<std::int64_t> sizes) {
+                   std::initializer_list<std::int64_t> sizes, const at::Tensor& beside) {
     const at::IntArrayRef expected(sizes.begin(), sizes.size());
     if (!tensor.defined()) {
         fail(place, fmt::format("{} is missing, expected a tensor {}", name, sizesText(expected)));
     }
-    if (tensor.scalar_type() != at::kFloat || !tensor.device().is_cpu()) {
-        fail(place, fmt::format("{} is {} on {}, expected float in host memory", name,
+    if (beside.defined() && tensor.device() != beside.device()) {
+        fail(place, fmt::format("{} lies on {}, expected {} as the others of this call", name, tensor.device().str(),
+                                beside.device().str()));
+    }
+    if (tensor.scalar_type() != at::kFloat || !(tensor.device().is_cpu() || tensor.device().is_cuda())) {
+        fail(place, fmt::format("{} is {} on {}, expected float in host memory or on a CUDA device", name,
                                 c10::toString(tensor.scalar_type()), tensor.device().str()));
     }
     if (!fits(tensor.sizes(), expected)) {
@@ -49,10 +53,12 @@ at::Tensor checked(const at::Tensor& tensor, std::string_view place, std::string
     return tensor.contiguous();
 }
 
-at::Tensor tensorOwnedBy(std::shared_ptr<void> owner, const float* data, at::IntArrayRef sizes) {
-    if (!data) return at::zeros(sizes, at::kFloat); // an empty vector has no memory
+at::Tensor tensorOwnedBy(std::shared_ptr<void> owner, const float* data, at::IntArrayRef sizes, const Device& device) {
+    const c10::Device where = torchDevice(device);
+    const at::TensorOptions options = at::TensorOptions(at::kFloat).device(where);
+    if (!data) return at::zeros(sizes, options); // nothing has no memory
     return at::from_blob(
-        const_cast<float*>(data), sizes, [owner = std::move(owner)](void*) mutable { owner.reset(); }, at::kFloat);
+        const_cast<float*>(data), sizes, [owner = std::move(owner)](void*) mutable { owner.reset(); }, options, where);
 }
 
 ImageView<const float> pictureOf(const at::Tensor& tensor) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "engine/core/image_view.h"
+#include "model/device.h"
 #include "model/operators/surfel_operators.h"
 
 #include <torch/csrc/autograd/function.h>
@@ -25,20 +26,14 @@ T require(Result<T> result) {
 }
 [[noreturn]] void fail(std::string_view place, std::string message);
 
-/// A float tensor in host memory of these sizes (-1: any), contiguous; else InvalidArgument naming it.
+/// A float tensor of these sizes (-1: any) where engine/ works: in host memory or on a CUDA device; contiguous. Else
+/// InvalidArgument naming it.
+/// @param beside  another tensor of the call, on whose device it must lie; undefined: there is none yet
 at::Tensor checked(const at::Tensor& tensor, std::string_view place, std::string_view name,
-                   std::initializer_list<std::int64_t> sizes);
+                   std::initializer_list<std::int64_t> sizes, const at::Tensor& beside = {});
 
-/// A tensor over memory that `owner` keeps alive; not copied.
-at::Tensor tensorOwnedBy(std::shared_ptr<void> owner, const float* data, at::IntArrayRef sizes);
-
-/// A tensor that takes the numbers of a vector over; not copied.
-template <typename T>
-at::Tensor adopt(std::vector<T>&& values, at::IntArrayRef sizes) {
-    auto owner = std::make_shared<std::vector<T>>(std::move(values));
-    const auto* data = reinterpret_cast<const float*>(owner->data());
-    return tensorOwnedBy(std::move(owner), data, sizes);
-}
+/// A tensor over memory of `device` that `owner` keeps alive; not copied.
+at::Tensor tensorOwnedBy(std::shared_ptr<void> owner, const float* data, at::IntArrayRef sizes, const Device& device);
 
 /// A view of a picture for engine/; empty where the tensor is undefined.
 ImageView<const float> pictureOf(const at::Tensor& tensor);

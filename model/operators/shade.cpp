@@ -6,7 +6,6 @@
 
 namespace ars {
 
-using operators::adopt;
 using operators::checked;
 using operators::pictureOf;
 using operators::pictureToFill;
@@ -27,36 +26,46 @@ constexpr const char* kLightPlace = "light";
 std::size_t levelCount(const PrefilteredLight& light) { return static_cast<std::size_t>(light.levels); }
 
 at::Tensor cubeOver(const std::shared_ptr<PrefilteredLight>& light, const PixelBuffer& cube) {
-    return operators::tensorOwnedBy(light, cube.view().data, {6, cube.width(), cube.width(), 3});
+    return operators::tensorOwnedBy(light, cube.view().data, {6, cube.width(), cube.width(), 3}, cube.device());
 }
 
-/// Numbers of a cube's gradient, zeros where none came.
-std::vector<float> numbersOf(const at::Tensor& grad, std::int64_t side) {
-    if (!grad.defined()) return std::vector<float>(static_cast<std::size_t>(18 * side * side), 0.0f);
-    const at::Tensor values = grad.contiguous();
-    return {values.const_data_ptr<float>(), values.const_data_ptr<float>() + values.numel()};
+at::Tensor zeroCube(std::int64_t side, const Device& device) {
+    return at::zeros({6, side, side, 3}, at::TensorOptions(at::kFloat).device(torchDevice(device)));
+}
+
+/// A cube (6, side, side, 3) as engine/ sees it.
+ImageView<const float> cubeView(const at::Tensor& cube) {
+    const auto side = static_cast<int>(cube.size(1));
+    return {cube.const_data_ptr<float>(), side, 6 * side, 3};
+}
+ImageView<float> cubeToFill(at::Tensor& cube) {
+    const auto side = static_cast<int>(cube.size(1));
+    return {cube.mutable_data_ptr<float>(), side, 6 * side, 3};
 }
 
 /// Input: the texels. Outputs: the cubes of LightTensors. Gradients of all views have been summed when this is called.
 struct FilterNode : operators::Node {
     int baseSize = 0, levels = 0;
+    Device device;
     PrefilterParams params;
 
     std::string name() const override { return "LightFilterBackward"; }
 
     torch::autograd::variable_list apply(torch::autograd::variable_list&& grads) override {
         begin("light gradient");
-        LightLevelGradients gradients;
-        gradients.levels = levels;
-        for (int l = 0; l < levels; ++l) {
-            const auto level = static_cast<std::size_t>(l);
-            gradients.specular[level] = numbersOf(grads[level], baseSize >> l);
+        std::vector<at::Tensor> cubes; // zeros where no gradient came
+        for (int l = 0; l <= levels; ++l) {
+            const at::Tensor& grad = grads[static_cast<std::size_t>(l)];
+            const std::int64_t side = l < levels ? baseSize >> l : kSmallestLightLevel;
+            cubes.push_back(grad.defined() ? grad.contiguous() : zeroCube(side, device));
         }
-        gradients.diffuse = numbersOf(grads[static_cast<std::size_t>(levels)], kSmallestLightLevel);
-        at::Tensor result = at::empty({6, baseSize, baseSize, 3}, at::kFloat);
+        LightLevelViews<const float> gradients;
+        gradients.levels = levels;
+        for (std::size_t l = 0; l + 1 < cubes.size(); ++l) gradients.specular[l] = cubeView(cubes[l]);
+        gradients.diffuse = cubeView(cubes.back());
+        at::Tensor result = at::empty_like(cubes.front());
         PrefilterGradientWorkspace workspace;
-        require(prefilterLightBackward({}, baseSize, params, gradients.view(),
-                                       {result.mutable_data_ptr<float>(), baseSize, 6 * baseSize, 3}, workspace));
+        require(prefilterLightBackward(device, baseSize, params, gradients, cubeToFill(result), workspace));
         return {result};
     }
 };
@@ -96,25 +105,27 @@ struct ShadeNode : operators::Node {
                                    {},
                                    camera,
                                    light->view()};
-        const bool toLight = task_should_compute_output({{kPictures, kPictures + cubes}});
-        LightLevelGradients levels;
-        if (toLight) levels.reset(inputs.light);
-        ShadingGradientWorkspace workspace;
-        require(shadeBackward({}, params, inputs, pictureOf(grad), {to[0], to[1], to[2], to[3], to[4], levels.view()},
-                              workspace));
-        if (!toLight) return result;
-        for (std::size_t l = 0; l + 1 < cubes; ++l) {
-            const int side = light->specular[l].width();
-            result[kPictures + l] = adopt(std::move(levels.specular[l]), {6, side, side, 3});
+        LightLevelViews<float> toLight;
+        if (task_should_compute_output({{kPictures, kPictures + cubes}})) {
+            toLight.levels = light->levels;
+            for (std::size_t l = 0; l < cubes; ++l) {
+                const bool last = l + 1 == cubes;
+                at::Tensor& cube = result[kPictures + l];
+                cube = zeroCube(last ? light->diffuse.width() : light->specular[l].width(), light->device());
+                (last ? toLight.diffuse : toLight.specular[l]) = cubeToFill(cube);
+            }
         }
-        const int side = light->diffuse.width();
-        result.back() = adopt(std::move(levels.diffuse), {6, side, side, 3});
+        ShadingGradientWorkspace workspace;
+        require(shadeBackward(light->device(), params, inputs, pictureOf(grad),
+                              {to[0], to[1], to[2], to[3], to[4], toLight}, workspace));
         return result;
     }
 };
 
-at::Tensor picture(const at::Tensor& tensor, const char* name, const Camera& camera, int channels) {
-    return checked(tensor, kShadePlace, name, {camera.height, camera.width, channels});
+/// @param light  on whose device it must lie
+at::Tensor picture(const at::Tensor& tensor, const char* name, const Camera& camera, int channels,
+                   const LightTensors& light) {
+    return checked(tensor, kShadePlace, name, {camera.height, camera.width, channels}, light.cubes.back());
 }
 
 } // namespace
@@ -129,7 +140,8 @@ std::shared_ptr<LightTensors> lightTensors(const at::Tensor& texels) {
     auto light = std::make_shared<LightTensors>();
     light->filtered = std::make_shared<PrefilteredLight>();
     const PrefilterParams params;
-    require(prefilterLight({}, {base.const_data_ptr<float>(), side, 6 * side, 3}, params, *light->filtered));
+    const Device device = deviceOf(base);
+    require(prefilterLight(device, cubeView(base), params, *light->filtered));
     for (std::size_t l = 0; l < levelCount(*light->filtered); ++l) {
         light->cubes.push_back(cubeOver(light->filtered, light->filtered->specular[l]));
     }
@@ -138,6 +150,7 @@ std::shared_ptr<LightTensors> lightTensors(const at::Tensor& texels) {
         const auto node = operators::makeNode<FilterNode>(base);
         node->baseSize = side;
         node->levels = light->filtered->levels;
+        node->device = device;
         node->params = params;
         for (const at::Tensor& cube : light->cubes) torch::autograd::set_history(cube, node);
     }
@@ -147,12 +160,12 @@ std::shared_ptr<LightTensors> lightTensors(const at::Tensor& texels) {
 at::Tensor shadeTensors(const ShadingParams& params, const GBufferTensors& gbuffer, const at::Tensor& occlusion,
                         const Camera& camera, const std::shared_ptr<LightTensors>& light) {
     if (!light) operators::fail(kShadePlace, "there is no light");
-    const at::Tensor albedo = picture(gbuffer[Channel::Albedo], "albedo", camera, 3);
-    const at::Tensor roughness = picture(gbuffer[Channel::Roughness], "roughness", camera, 1);
-    const at::Tensor normal = picture(gbuffer[Channel::Normal], "normal", camera, 3);
-    const at::Tensor opacity = picture(gbuffer[Channel::Opacity], "opacity", camera, 1);
-    const at::Tensor open = occlusion.defined() ? picture(occlusion, "occlusion", camera, 1) : at::Tensor();
-    at::Tensor beauty = at::empty({camera.height, camera.width, 4}, at::kFloat);
+    const at::Tensor albedo = picture(gbuffer[Channel::Albedo], "albedo", camera, 3, *light);
+    const at::Tensor roughness = picture(gbuffer[Channel::Roughness], "roughness", camera, 1, *light);
+    const at::Tensor normal = picture(gbuffer[Channel::Normal], "normal", camera, 3, *light);
+    const at::Tensor opacity = picture(gbuffer[Channel::Opacity], "opacity", camera, 1, *light);
+    const at::Tensor open = occlusion.defined() ? picture(occlusion, "occlusion", camera, 1, *light) : at::Tensor();
+    at::Tensor beauty = at::empty({camera.height, camera.width, 4}, albedo.options());
     const ShadingInputs inputs{pictureOf(albedo),
                                pictureOf(roughness),
                                pictureOf(normal),
@@ -161,7 +174,7 @@ at::Tensor shadeTensors(const ShadingParams& params, const GBufferTensors& gbuff
                                {},
                                camera,
                                light->filtered->view()};
-    require(shade({}, params, inputs, {pictureToFill(beauty), {}, {}, {}}));
+    require(shade(light->filtered->device(), params, inputs, {pictureToFill(beauty), {}, {}, {}}));
 
     if (!operators::wantsGradient({albedo, roughness, normal, opacity, open, light->cubes.back()})) return beauty;
     const auto node = operators::makeNode<ShadeNode>(albedo, roughness, normal, opacity, open, light->cubes);

@@ -7,7 +7,6 @@
 
 namespace ars {
 
-using operators::adopt;
 using operators::checked;
 using operators::require;
 
@@ -18,6 +17,7 @@ constexpr const char* kPlace = "splat";
 /// What a splat must keep until backward has passed and its pictures are forgotten.
 struct SplatMemory {
     GBuffer gbuffer;
+    ContributorLists lists; ///< CUDA alone, with gradients
 };
 
 /// A stack of things to use again. Any thread may take and give.
@@ -61,17 +61,24 @@ public:
 
     GBuffer& gbuffer() { return memory_->gbuffer; }
 
-    Status forward(const SplatParams& params, const SurfelView& surfels, const Camera& camera, ChannelSet channels) {
+    /// @param gradient  whether backward will be asked for
+    Status forward(const SplatParams& params, const SurfelView& surfels, const Camera& camera, ChannelSet channels,
+                   bool gradient) {
+        listed_ = gradient && surfels.device.kind == DeviceKind::Cuda;
+        // Without lists CUDA would not wait, and might leave surfels out: whoever asks for counts gets whole pictures.
+        SplatStats counts;
+        const bool whole = !listed_ && surfels.device.kind == DeviceKind::Cuda;
         std::unique_ptr<SplatWorkspace> workspace = pool_->workspaces.take();
-        const Status status = splat(params, surfels, camera, channels, memory_->gbuffer, *workspace);
+        const Status status = splat(params, surfels, camera, channels, memory_->gbuffer, *workspace,
+                                    listed_ ? &memory_->lists : nullptr, whole ? &counts : nullptr);
         pool_->workspaces.give(std::move(workspace));
         return status;
     }
     Status backward(const SplatParams& params, const SurfelView& surfels, const Camera& camera,
-                    const GBufferGradients& gradients, SurfelGradients& out) {
+                    const GBufferGradients& gradients, const SurfelGradientArrays& out) {
         std::unique_ptr<SplatGradientWorkspace> workspace = pool_->gradientWorkspaces.take();
-        const Status status =
-            splatBackward(params, surfels, camera, memory_->gbuffer, nullptr, gradients, *workspace, out);
+        const Status status = splatBackward(params, surfels, camera, memory_->gbuffer,
+                                            listed_ ? &memory_->lists : nullptr, gradients, *workspace, out);
         pool_->gradientWorkspaces.give(std::move(workspace));
         return status;
     }
@@ -79,6 +86,7 @@ public:
 private:
     std::shared_ptr<SplatScratchPool::State> pool_;
     std::unique_ptr<SplatMemory> memory_;
+    bool listed_ = false;
 };
 
 SplatScratchPool::SplatScratchPool() : state_(std::make_shared<State>()) {}
@@ -100,6 +108,7 @@ const glm::vec3* vectorsOf(const at::Tensor& tensor) { return reinterpret_cast<c
 
 SurfelView viewOfInputs(const InputTensors& inputs) {
     SurfelView view;
+    view.device = deviceOf(inputs[kMeans]);
     view.count = static_cast<std::size_t>(inputs[kMeans].size(0));
     view.means = vectorsOf(inputs[kMeans]);
     view.rotations = dataOf(inputs[kRotations]);
@@ -112,32 +121,52 @@ SurfelView viewOfInputs(const InputTensors& inputs) {
     return view;
 }
 
-/// (N, width), or with width 1 also (N).
-at::Tensor attribute(const at::Tensor& tensor, const char* name, std::int64_t count, std::int64_t width) {
+/// (N, width), or with width 1 also (N), beside the means.
+at::Tensor attribute(const at::Tensor& tensor, const char* name, const at::Tensor& means, std::int64_t width) {
     if (!tensor.defined()) return {};
-    if (width == 1 && tensor.dim() == 1) return checked(tensor, kPlace, name, {count});
-    return checked(tensor, kPlace, name, {count, width});
+    const std::int64_t count = means.size(0);
+    if (width == 1 && tensor.dim() == 1) return checked(tensor, kPlace, name, {count}, means);
+    return checked(tensor, kPlace, name, {count, width}, means);
 }
 
 InputTensors checkedInputs(const SurfelTensors& surfels) {
     InputTensors inputs;
     inputs[kMeans] = checked(surfels.means, kPlace, "means", {-1, 3});
-    const std::int64_t n = inputs[kMeans].size(0);
-    inputs[kRotations] = checked(surfels.rotations, kPlace, "rotations", {n, 4});
-    inputs[kScales] = checked(surfels.scales, kPlace, "scales", {n, 2});
+    const at::Tensor& means = inputs[kMeans];
+    const std::int64_t n = means.size(0);
+    inputs[kRotations] = checked(surfels.rotations, kPlace, "rotations", {n, 4}, means);
+    inputs[kScales] = checked(surfels.scales, kPlace, "scales", {n, 2}, means);
     if (!surfels.opacities.defined()) operators::fail(kPlace, "opacities are missing");
-    inputs[kOpacities] = attribute(surfels.opacities, "opacities", n, 1);
-    inputs[kColors] = attribute(surfels.colors, "colors", n, 3);
-    inputs[kAlbedos] = attribute(surfels.albedos, "albedos", n, 3);
-    inputs[kRoughnesses] = attribute(surfels.roughnesses, "roughnesses", n, 1);
-    inputs[kRadii] = attribute(surfels.radii, "radii", n, 1);
+    inputs[kOpacities] = attribute(surfels.opacities, "opacities", means, 1);
+    inputs[kColors] = attribute(surfels.colors, "colors", means, 3);
+    inputs[kAlbedos] = attribute(surfels.albedos, "albedos", means, 3);
+    inputs[kRoughnesses] = attribute(surfels.roughnesses, "roughnesses", means, 1);
+    inputs[kRadii] = attribute(surfels.radii, "radii", means, 1);
     return inputs;
 }
 
-template <typename T>
-at::Tensor gradientFor(std::vector<T>& values, const at::Tensor& input) {
-    return values.empty() ? at::Tensor() : adopt(std::move(values), input.sizes());
-}
+/// Where backward writes: zeros of the inputs' sizes; attributes of whose picture no gradient came stay undefined.
+struct InputGradients {
+    InputTensors tensors;
+    SurfelGradientArrays arrays;
+
+    InputGradients(const InputTensors& inputs, const GBufferGradients& gradients) {
+        const auto zeros = [&](Input input) {
+            tensors[input] = at::zeros_like(inputs[input]);
+            return tensors[input].mutable_data_ptr<float>();
+        };
+        arrays.means = zeros(kMeans);
+        arrays.rotations = zeros(kRotations);
+        arrays.scales = zeros(kScales);
+        arrays.opacities = zeros(kOpacities);
+        for (const auto& [channel, input] :
+             {std::pair{Channel::Radiance, kColors}, std::pair{Channel::Albedo, kAlbedos},
+              std::pair{Channel::Roughness, kRoughnesses}, std::pair{Channel::Radius, kRadii}}) {
+            if (gradients[channel].empty()) continue;
+            arrays.attributes[static_cast<std::size_t>(channel)] = zeros(input);
+        }
+    }
+};
 
 /// Inputs in the order of Input; outputs the differentiable pictures in that of Channel.
 struct SplatNode : operators::Node {
@@ -164,16 +193,9 @@ struct SplatNode : operators::Node {
             grads[i] = grads[i].contiguous();
             gradients[outputs[i]] = operators::pictureOf(grads[i]);
         }
-        SurfelGradients out;
-        require(scratch->backward(params, viewOfInputs(inputs), camera, gradients, out));
-        return {gradientFor(out.means, inputs[kMeans]),
-                gradientFor(out.rotations, inputs[kRotations]),
-                gradientFor(out.scales, inputs[kScales]),
-                gradientFor(out.opacities, inputs[kOpacities]),
-                gradientFor(out.colors, inputs[kColors]),
-                gradientFor(out.albedos, inputs[kAlbedos]),
-                gradientFor(out.roughnesses, inputs[kRoughnesses]),
-                gradientFor(out.radii, inputs[kRadii])};
+        const InputGradients out(inputs, gradients);
+        require(scratch->backward(params, viewOfInputs(inputs), camera, gradients, out.arrays));
+        return {out.tensors.begin(), out.tensors.end()};
     }
 };
 
@@ -182,8 +204,10 @@ GBufferTensors picturesOf(const std::shared_ptr<SplatScratch>& scratch, ChannelS
     for (int i = 0; i < kChannelCount; ++i) {
         const auto channel = static_cast<Channel>(i);
         if (!channels.has(channel)) continue;
-        const ImageView<float> view = scratch->gbuffer()[channel].view();
-        tensors[channel] = operators::tensorOwnedBy(scratch, view.data, {view.height, view.width, view.channels});
+        PixelBuffer& picture = scratch->gbuffer()[channel];
+        const ImageView<float> view = picture.view();
+        tensors[channel] =
+            operators::tensorOwnedBy(scratch, view.data, {view.height, view.width, view.channels}, picture.device());
     }
     return tensors;
 }
@@ -193,11 +217,11 @@ GBufferTensors picturesOf(const std::shared_ptr<SplatScratch>& scratch, ChannelS
 GBufferTensors splatTensors(const SplatParams& params, const SurfelTensors& surfels, const Camera& camera,
                             ChannelSet channels, SplatScratchPool& pool) {
     const InputTensors inputs = checkedInputs(surfels);
-    const std::int64_t n = inputs[kMeans].size(0);
-    const at::Tensor plus = attribute(surfels.radiiPlus, "radiiPlus", n, 1);
-    const at::Tensor minus = attribute(surfels.radiiMinus, "radiiMinus", n, 1);
-    const at::Tensor importances = attribute(surfels.importances, "importances", n, 1);
-    const at::Tensor bones = attribute(surfels.bones, "bones", n, 3);
+    const at::Tensor& means = inputs[kMeans];
+    const at::Tensor plus = attribute(surfels.radiiPlus, "radiiPlus", means, 1);
+    const at::Tensor minus = attribute(surfels.radiiMinus, "radiiMinus", means, 1);
+    const at::Tensor importances = attribute(surfels.importances, "importances", means, 1);
+    const at::Tensor bones = attribute(surfels.bones, "bones", means, 3);
     SurfelView view = viewOfInputs(inputs);
     view.radiiPlus = dataOf(plus);
     view.radiiMinus = dataOf(minus);
@@ -210,7 +234,7 @@ GBufferTensors splatTensors(const SplatParams& params, const SurfelTensors& surf
     bool gradient = false;
     for (const at::Tensor& input : inputs) gradient = gradient || operators::wantsGradient({input});
     const std::shared_ptr<SplatScratch> scratch = pool.take();
-    require(scratch->forward(params, view, camera, made));
+    require(scratch->forward(params, view, camera, made, gradient));
     GBufferTensors pictures = picturesOf(scratch, channels);
     if (!gradient) return pictures;
 

@@ -11,10 +11,10 @@
 
 #include <memory>
 
-/// The operators of engine/ as functions of autograd: forward and backward are the engine's own. Float tensors in host
-/// memory, contiguous; pictures are (height, width, channels). Gradients are those of the engine's *_gradient.h; what
-/// these call detached receives none. A failure of an operator is thrown as OperatorFailure with its Error: autograd
-/// has no other way; the trainer catches it at the step.
+/// The operators of engine/ as functions of autograd: forward and backward are the engine's own. Float tensors, all of
+/// a call in host memory or on one CUDA device (model/device.h); pictures are (height, width, channels). Gradients:
+/// those of the engine's *_gradient.h, none to what these call detached. An operator's failure is thrown as
+/// OperatorFailure with its Error: autograd has no other way; the trainer catches it at the step.
 namespace ars {
 
 class OperatorFailure : public std::exception {

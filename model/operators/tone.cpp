@@ -19,9 +19,9 @@ struct ToneNode : operators::Node {
     torch::autograd::variable_list apply(torch::autograd::variable_list&& grads) override {
         begin("tone gradient");
         if (!grads[0].defined()) return {at::Tensor()};
-        const at::Tensor grad = grads[0].contiguous(), linear = kept(0);
+        const at::Tensor linear = kept(0), grad = grads[0].contiguous();
         at::Tensor result = at::empty_like(linear);
-        require(toneMapBackward({}, params, pictureOf(linear), pictureOf(grad), pictureToFill(result)));
+        require(toneMapBackward(deviceOf(linear), params, pictureOf(linear), pictureOf(grad), pictureToFill(result)));
         return {result};
     }
 };
@@ -31,7 +31,7 @@ struct ToneNode : operators::Node {
 at::Tensor toneTensor(const ToneParams& params, const at::Tensor& linear) {
     const at::Tensor from = operators::checked(linear, "tone curve", "the linear picture", {-1, -1, 4});
     at::Tensor display = at::empty_like(from);
-    require(toneMap({}, params, pictureOf(from), pictureToFill(display)));
+    require(toneMap(deviceOf(from), params, pictureOf(from), pictureToFill(display)));
     if (operators::wantsGradient({from})) {
         const auto node = operators::makeNode<ToneNode>(from);
         node->params = params;

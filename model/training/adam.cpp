@@ -2,6 +2,7 @@
 
 #include "engine/core/parallel.h"
 #include "engine/io/safetensors.h"
+#include "model/training/adam_chain.h"
 
 #include <ATen/ATen.h>
 
@@ -11,18 +12,12 @@
 namespace ars {
 namespace {
 
-constexpr double kEpsilon = 1e-8;
-
-struct Coefficients {
-    float beta1, beta2, rate, secondScale;
-};
-
-void update(float* x, const float* g, float* m, float* v, std::size_t count, const Coefficients& c) {
+void update(float* x, const float* g, float* m, float* v, std::size_t count, const AdamCoefficients& c) {
     parallelRanges(count, 1 << 14, [&](std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i) {
             m[i] = c.beta1 * m[i] + (1.0f - c.beta1) * g[i];
             v[i] = c.beta2 * v[i] + (1.0f - c.beta2) * g[i] * g[i];
-            x[i] -= c.rate * m[i] / (std::sqrt(v[i] * c.secondScale) + static_cast<float>(kEpsilon));
+            x[i] -= c.rate * m[i] / (std::sqrt(v[i] * c.secondScale) + static_cast<float>(kAdamEpsilon));
         }
     });
 }
@@ -77,11 +72,15 @@ Status Adam::step() {
         if (group.rate == 0.0 || !moves) continue;
         ++group.steps;
         const auto t = static_cast<double>(group.steps);
-        const Coefficients c{static_cast<float>(beta1_), static_cast<float>(beta2_),
-                             static_cast<float>(group.rate / (1.0 - std::pow(beta1_, t))),
-                             static_cast<float>(1.0 / (1.0 - std::pow(beta2_, t)))};
+        const AdamCoefficients c{static_cast<float>(beta1_), static_cast<float>(beta2_),
+                                 static_cast<float>(group.rate / (1.0 - std::pow(beta1_, t))),
+                                 static_cast<float>(1.0 / (1.0 - std::pow(beta2_, t)))};
         for (Slot& slot : group.slots) {
             if (!slot.leaf.tensor.grad().defined()) continue;
+            if (!slot.leaf.tensor.is_cpu()) {
+                chains::adamStep(slot.leaf.tensor, slot.leaf.tensor.grad(), slot.first, slot.second, c);
+                continue;
+            }
             const at::Tensor gradient = gradientLike(slot.leaf.tensor);
             update(slot.leaf.tensor.data_ptr<float>(), gradient.const_data_ptr<float>(), slot.first.data_ptr<float>(),
                    slot.second.data_ptr<float>(), static_cast<std::size_t>(gradient.numel()), c);

@@ -83,7 +83,7 @@ void LearnedState::keepInRange() {
 
 AvatarSpec LearnedState::specNow() const {
     AvatarSpec spec = model.spec;
-    std::copy_n(radiusOffsets.const_data_ptr<float>(), kBodyPartCount, spec.radiusOffsets.begin());
+    std::copy_n(radiusOffsets.detach().cpu().const_data_ptr<float>(), kBodyPartCount, spec.radiusOffsets.begin());
     return spec;
 }
 
@@ -92,7 +92,7 @@ void LearnedState::syncModel(std::string origin, bool withLight) {
     model.spec.origin = std::move(origin);
     if (!withLight) return;
     CubeMap cube(static_cast<int>(lightLog.size(1)));
-    const at::Tensor texels = lightLog.detach().exp().contiguous();
+    const at::Tensor texels = lightLog.detach().exp().cpu().contiguous();
     std::copy_n(texels.const_data_ptr<float>(), cube.texels.size(), cube.texels.begin());
     model.light = std::move(cube);
 }

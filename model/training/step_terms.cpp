@@ -47,7 +47,7 @@ RawAttributes zerosLike(const RawAttributes& raw) {
 /// Mean |opacity - mask| over the pixels of which the photograph says anything.
 at::Tensor opacityMaskLoss(const at::Tensor& opacity, const at::Tensor& mask, const Image& unknown) {
     if (unknown.pixels.empty()) return (opacity - mask).abs().mean();
-    return l1Loss(opacity, mask, 1.0 - tensorOf(pictureView(unknown)));
+    return l1Loss(opacity, mask, 1.0 - tensorOf(pictureView(unknown)).to(opacity.device()));
 }
 
 } // namespace
@@ -62,14 +62,21 @@ struct StepTerms::View {
 
 Status StepTerms::prepare() {
     neighbours_ = canonicalNeighbours(state_.model.maps.positions);
+    skin_ = skinTensors(*state_.model.weights, device());
     if (config_.loss.perceptual == 0.0) return {};
     if (config_.loss.perceptualBackbone.empty()) {
         perceptual_ = msSsimGradientLoss();
         return {};
     }
     ARS_TRY(perceptual_, readLpips(config_.loss.perceptualBackbone, config_.loss.perceptualHeads));
+    perceptual_->moveTo(device());
     return {};
 }
+
+c10::Device StepTerms::device() const { return state_.lightLog.device(); }
+
+/// A copy of a picture, (height, width, channels), where the step runs.
+at::Tensor StepTerms::placed(const Image& image) const { return tensorOf(pictureView(image)).to(device()); }
 
 std::int64_t StepTerms::totalSteps() const {
     const ScheduleParams& s = config_.schedule;
@@ -82,6 +89,8 @@ Result<AvatarNetworkInputs> StepTerms::inputsOf(int frame) {
     if (found != inputs_.end()) return found->second;
     ARS_TRY(const PoseMaps maps, poseMaps(state_.model, capture_.pose(frame), false));
     ARS_TRY(AvatarNetworkInputs inputs, networkInputs(state_.model, maps));
+    inputs.positions = inputs.positions.to(device());
+    if (inputs.priors.defined()) inputs.priors = inputs.priors.to(device());
     const std::size_t bytes =
         4 * static_cast<std::size_t>(inputs.positions.numel() + (inputs.priors.defined() ? inputs.priors.numel() : 0));
     if ((inputs_.size() + 1) * bytes > kMaxMapBytes) inputs_.clear();
@@ -101,7 +110,9 @@ Result<std::vector<at::Tensor>> StepTerms::viewMaps(const TrainingSample& sample
             n.y = static_cast<float>(config_.schedule.viewNoise * random.normal());
             n.z = static_cast<float>(config_.schedule.viewNoise * random.normal());
         }
-        ARS_TRY(views[v], viewMap(state_.model, capture_.pose(sample.frame), sample.views[v]->camera, noise));
+        ARS_TRY(const at::Tensor map,
+                viewMap(state_.model, capture_.pose(sample.frame), sample.views[v]->camera, noise));
+        views[v] = map.to(device());
     }
     return views;
 }
@@ -142,8 +153,8 @@ Status StepTerms::addPictures(TrainingStage stage, std::int64_t step, const Trai
     PoseSurfelsParams posing = config_.posing;
     posing.trainingRadii = pbr && config_.freeze.radii == RadiusTraining::Learned;
     ARS_TRY(PosingContext context, posingContext(model, capture_.pose(sample.frame), posing));
-    const at::Tensor initial = tensorOf(std::span<const float>(model.spec.initialRadii));
-    SurfelTensors surfels = poseSurfelTensors(std::make_shared<const PosingContext>(std::move(context)),
+    const at::Tensor initial = tensorOf(std::span<const float>(model.spec.initialRadii)).to(device());
+    SurfelTensors surfels = poseSurfelTensors(std::make_shared<const PosingContext>(std::move(context)), skin_,
                                               decoded.surfels, initial * (1.0 + state_.radiusOffsets));
     clock.mark("pose");
     std::shared_ptr<LightTensors> light;
@@ -156,7 +167,7 @@ Status StepTerms::addPictures(TrainingStage stage, std::int64_t step, const Trai
         const CapturedView& photograph = *sample.views[v];
         surfels.colors = v < colored ? decodeColors(model.base, rawColors[v]) : at::Tensor();
         View view{photograph, randomBackground(random), {}, share, step};
-        view.background = tensorOf(std::span<const float>(view.srgb));
+        view.background = tensorOf(std::span<const float>(view.srgb)).to(device());
         const GBufferTensors gbuffer = splatTensors(config_.splat, surfels, photograph.camera,
                                                     channelsOf(pbr, v < colored, config_.freeze.radii), scratch_);
         clock.mark("splat");
@@ -183,10 +194,10 @@ Status StepTerms::addPictures(TrainingStage stage, std::int64_t step, const Trai
 /// L1 and the perceptual loss; background where nobody is in the photograph, and in the band in both.
 void StepTerms::addPictureLosses(const at::Tensor& picture, const View& view, double weight, const std::string& prefix,
                                  StepRandom& random, LossTerms& terms) const {
-    const at::Tensor keep = 1.0 - tensorOf(pictureView(view.photograph.band));
+    const at::Tensor keep = 1.0 - placed(view.photograph.band);
     const float threshold = 128.5f / 255.0f;
-    const at::Tensor inside = (tensorOf(pictureView(view.photograph.mask)) > threshold).to(at::kFloat) * keep;
-    const at::Tensor target = tensorOf(pictureView(view.photograph.color)) * inside + view.background * (1.0 - inside);
+    const at::Tensor inside = (placed(view.photograph.mask) > threshold).to(at::kFloat) * keep;
+    const at::Tensor target = placed(view.photograph.color) * inside + view.background * (1.0 - inside);
     const at::Tensor seen = picture * keep + view.background * (1.0 - keep);
     terms.add(prefix + "l1", weight * config_.loss.l1, l1Loss(seen, target));
     if (perceptual_) {
@@ -226,7 +237,7 @@ void StepTerms::addGeometry(const GBufferTensors& gbuffer, const View& view, Los
     }
     if (config_.loss.opacityMask > 0.0) {
         // Soft alpha says where the outline runs within a pixel, so the band takes part.
-        const at::Tensor mask = tensorOf(pictureView(view.photograph.mask));
+        const at::Tensor mask = placed(view.photograph.mask);
         terms.add("opacity_mask", view.share * config_.loss.opacityMask,
                   opacityMaskLoss(opacity, mask, view.photograph.unknown));
     }

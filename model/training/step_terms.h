@@ -4,6 +4,7 @@
 #include "engine/occlusion/ambient_occlusion.h"
 #include "model/loss/losses.h"
 #include "model/loss/perceptual.h"
+#include "model/operators/skin_tensors.h"
 #include "model/training/data_reader.h"
 #include "model/training/learned_state.h"
 #include "model/training/loss_terms.h"
@@ -22,7 +23,8 @@ public:
     StepTerms(const TrainingConfig& config, const Capture& capture, const LearnedState& state)
         : config_(config), capture_(capture), state_(state) {}
 
-    /// Reads the perceptual loss's weights where there are any, pairs canonical neighbours.
+    /// Reads the perceptual loss's weights where there are any, pairs canonical neighbours. `state` lies by now where
+    /// the training runs.
     Status prepare();
 
     /// Stage 0: attributes after activation against those that the template starts with, plain L1.
@@ -46,6 +48,9 @@ private:
     void addShaded(const GBufferTensors& gbuffer, const View& view, const std::shared_ptr<LightTensors>& light,
                    StepRandom& random, LossTerms& terms, StepClock& clock);
     at::Tensor normalTerm(const SurfelTensors& surfels, StepRandom& random) const;
+    /// Where steps run: beside what they change.
+    c10::Device device() const;
+    at::Tensor placed(const Image& image) const;
     std::int64_t totalSteps() const;
 
     const TrainingConfig& config_;
@@ -53,6 +58,7 @@ private:
     const LearnedState& state_;
     std::unique_ptr<PerceptualLoss> perceptual_;
     NeighbourPairs neighbours_;
+    SkinTensors skin_;
     std::map<int, AvatarNetworkInputs> inputs_; ///< by frame
     SplatScratchPool scratch_;
     OcclusionWorkspace occlusionMemory_;

@@ -2,16 +2,19 @@
 
 #include "engine/capture/capture.h"
 #include "engine/core/file.h"
+#include "engine/core/log.h"
 #include "engine/core/parallel.h"
 #include "engine/io/png.h"
 #include "engine/io/safetensors.h"
 #include "engine/maps/pose_pca.h"
 #include "engine/maps/position_maps.h"
 #include "model/avatar/avatar_model.h"
+#include "model/device.h"
 #include "model/run/run_failure.h"
 #include "model/runtime.h"
 #include "model/training/data_reader.h"
 #include "model/training/learned_state.h"
+#include "model/training/placement.h"
 #include "model/training/preview.h"
 #include "model/training/step_terms.h"
 
@@ -35,6 +38,8 @@ public:
         // This thread's team is made here, where a refused one costs speed and nothing else; LibTorch goes on with it.
         parallelFor(static_cast<std::size_t>(threadCount()), [](std::size_t) {}, 1);
         ARS_TRY_STATUS(validateTrainingConfig(config_));
+        ARS_TRY(device_, trainingDevice(config_.run.device));
+        if (device_.kind == DeviceKind::Cuda) logInfo("training on {}", deviceName(device_));
         ARS_TRY_STATUS(reportProgress(progress, 0.0, "reading the capture"));
         ARS_TRY_STATUS(openSource(progress));
         ARS_TRY(split_, trainingSplit(*capture_, config_.cameras, config_.frames));
@@ -43,6 +48,7 @@ public:
         ARS_TRY_STATUS(reportProgress(progress, 0.6, "fitting the principal components of the poses"));
         ARS_TRY_STATUS(fitPca());
         ARS_TRY_STATUS(createLearnedLight(config_.light, config_.freeze, state_));
+        placeState(state_, torchDevice(device_));
         terms_ = std::make_unique<StepTerms>(config_, *capture_, state_);
         ARS_TRY_STATUS(terms_->prepare());
         enterStage(stageOfStep(config_.schedule, 0));
@@ -91,13 +97,14 @@ public:
         options.shaded = stage_ == TrainingStage::Pbr;
         ViewOptions view;
         view.scale = config_.schedule.imageScale;
+        ARS_TRY(const AvatarModel model, modelOnHost(state_.model));
         const int frames = static_cast<int>(split_.frames.size()), cameras = static_cast<int>(split_.cameras.size());
         for (int i = 0; i < 2; ++i) {
             const ViewId id{split_.cameras[static_cast<std::size_t>(i * cameras / 2)],
                             split_.frames[static_cast<std::size_t>(i * frames / 2)]};
             if (!capture_->has(id)) continue;
             ARS_TRY(const CapturedView photograph, readView(*capture_, id, view));
-            ARS_TRY(const Image picture, previewPicture(state_.model, capture_->pose(id.frame), photograph, options));
+            ARS_TRY(const Image picture, previewPicture(model, capture_->pose(id.frame), photograph, options));
             ARS_TRY_STATUS(writePng(folder / fmt::format("{:08}_{}.png", done_, i), picture));
         }
         return {};
@@ -245,6 +252,7 @@ private:
     std::shared_ptr<const Capture> capture_;
     CaptureSplit split_;
     LearnedState state_;
+    Device device_; ///< of everything in state_
     std::unique_ptr<StepTerms> terms_;
     Adam adam_;
     std::unique_ptr<DataReader> reader_;

@@ -92,7 +92,15 @@ struct FreezeParams {
     bool operator==(const FreezeParams&) const = default;
 };
 
+/// Where steps are computed.
+enum class RunDevice { Auto, Cpu, Cuda };
+template <>
+struct EnumWords<RunDevice> {
+    static constexpr std::array words{"auto", "cpu", "cuda"};
+};
+
 struct RunParams {
+    RunDevice device = RunDevice::Auto;
     int checkpointSteps = 500;
     int previewSteps = 500;
     int checkpointsKept = 3;

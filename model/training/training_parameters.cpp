@@ -232,6 +232,12 @@ const ParameterTable<RunParams>& runParameters() {
     using R = RunParams;
     using enum ParameterTier;
     static const ParameterTable<R> table{
+        {"device",
+         &R::device,
+         {},
+         "",
+         Basic,
+         "Where steps are computed: auto is a CUDA device where there is one, otherwise the processor."},
         {"checkpoint_steps", &R::checkpointSteps, {1, kMostSteps}, "", Basic, "A checkpoint every so many steps."},
         {"preview_steps", &R::previewSteps, {0, kMostSteps}, "", Basic, "A preview every so many steps; 0 for none."},
         {"checkpoints_kept", &R::checkpointsKept, {1, 1000}, "", Advanced, "So many of the newest checkpoints stay."},

@@ -36,12 +36,12 @@ GROUPS = {
                       tests=["tests/unit/model/operators_test.cpp", "tests/unit/model/operators_chain_test.cpp"],
                       sources=[f"model/operators/{name}.cpp" for name in
                                ("operator_support", "surfels", "splat", "occlusion", "shade", "tone")] +
-                              ["model/tensors.cpp"]),
+                              ["model/device.cpp", "model/tensors.cpp"]),
     "losses": dict(torch=True, tests=["tests/unit/model/losses_test.cpp"],
                    sources=[f"model/loss/{name}.cpp" for name in
-                            ("losses", "geometry_losses", "normal_deformation_loss")] + ["model/tensors.cpp"]),
+                            ("losses", "loss_chains", "geometry_losses", "normal_deformation_loss")] + ["model/tensors.cpp"]),
     "network": dict(torch=True, tests=["tests/unit/model/network_filters_test.cpp"],
-                    sources=["model/network/filters.cpp"]),
+                    sources=["model/network/filters.cpp", "model/network/filter_chains.cpp"]),
 }
 LIBRARIES = ("scene capture frame metrics shade light occlusion surfel maps rig io core").split()
 

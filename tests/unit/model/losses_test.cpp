@@ -1,4 +1,5 @@
 #include "engine/core/parallel.h"
+#include "model/loss/loss_chains.h"
 #include "model/loss/losses.h"
 
 #include <ATen/ATen.h>
@@ -255,6 +256,45 @@ TEST(NormalsOfRotations, AreTheThirdColumn) {
     const at::Tensor weights = randomTensor({30, 3}, 13, -1, 1);
     const Loss loss = [&](const at::Tensor& x) { return (normalsOfRotations(x) * weights.to(x.scalar_type())).sum(); };
     EXPECT_LT(gradientError(loss, q), 1e-7);
+    // What devices other than the host take.
+    EXPECT_LT((chains::normalsOfRotations(q) - normals).abs().max().item<double>(), 1e-14);
+    const Loss chain = [&](const at::Tensor& x) {
+        return (chains::normalsOfRotations(x) * weights.to(x.scalar_type())).sum();
+    };
+    EXPECT_LT(gradientError(chain, q), 1e-7);
+}
+
+// LPIPS's term as devices other than the host take it, by its definition; a pixel where nothing fires passes nothing.
+TEST(LossChains, FeatureDistance) {
+    const at::Tensor f = randomTensor({1, 4, 3, 2}, 60), g = randomTensor({1, 4, 3, 2}, 61), w = randomTensor({4}, 62);
+    double expected = 0;
+    for (int y = 0; y < 3; ++y) {
+        for (int x = 0; x < 2; ++x) {
+            double lengthF = 0, lengthG = 0;
+            const auto at = [&](const at::Tensor& t, int c) { return t[0][c][y][x].item<double>(); };
+            for (int c = 0; c < 4; ++c) {
+                lengthF += at(f, c) * at(f, c);
+                lengthG += at(g, c) * at(g, c);
+            }
+            for (int c = 0; c < 4; ++c) {
+                const double difference = at(f, c) / std::sqrt(lengthF) - at(g, c) / std::sqrt(lengthG);
+                expected += w[c].item<double>() * difference * difference / 6;
+            }
+        }
+    }
+    EXPECT_NEAR(chains::featureDistance(f, g, w).item<double>(), expected, 1e-9);
+    EXPECT_LT(gradientError(
+                  [&](const at::Tensor& x) {
+                      return chains::featureDistance(x, g.to(x.scalar_type()), w.to(x.scalar_type()));
+                  },
+                  f),
+              1e-6);
+    at::Tensor dark = f.clone();
+    dark.narrow(3, 0, 1).zero_();
+    dark.requires_grad_(true);
+    chains::featureDistance(at::relu(dark), g, w).backward();
+    EXPECT_TRUE(at::isfinite(dark.grad()).all().item<bool>());
+    EXPECT_EQ(dark.grad().narrow(3, 0, 1).abs().max().item<double>(), 0.0);
 }
 
 TEST(TotalVariation, CountsPairsInsideTheForeground) {

@@ -2,11 +2,14 @@
 // double. tests/gradient/sign_flips.py compiles this file with the filters alone.
 #include "model/network/filters.h"
 
+#include "model/network/filter_chains.h"
+
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -103,6 +106,98 @@ TEST(NetworkFilterGradients, GatheredRowsOfBothSides) {
     // One of the front twice, both corners of both sides.
     const at::Tensor pixels = torch::tensor({0, 3, 4, 7, 9, 9, 14, 16, 20, 23}, torch::kLong);
     expectGradients({{"front", front}, {"back", back}}, [&] { return gatherSides(front, back, pixels); });
+}
+
+// --- the chains that other devices take ------------------------------------------------------------------------------
+
+/// Value and gradients of a chain against those of the filter, whose gradients the tests above judge.
+template <typename Filter>
+void expectSame(const std::vector<Input>& inputs, const Filter& filter, const Filter& chain) {
+    const auto run = [&](const Filter& function) {
+        for (const Input& input : inputs) input.tensor.mutable_grad() = at::Tensor();
+        const at::Tensor y = function();
+        torch::manual_seed(98);
+        (y * torch::randn(y.sizes(), torch::kDouble)).sum().backward();
+        std::vector<at::Tensor> results{y.detach()};
+        for (const Input& input : inputs) results.push_back(input.tensor.grad().clone());
+        return results;
+    };
+    const std::vector<at::Tensor> a = run(filter), b = run(chain);
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        ASSERT_EQ(a[i].sizes(), b[i].sizes());
+        EXPECT_LE((a[i] - b[i]).abs().max().item<double>(), 1e-12) << (i == 0 ? "value" : inputs[i - 1].name);
+    }
+    EXPECT_EQ(a[0].strides(), b[0].strides());
+}
+using Function = std::function<at::Tensor()>;
+
+TEST(NetworkFilterChains, AreTheFilters) {
+    const at::Tensor x = drawn({1, 3, 6, 5}, 30), bias = drawn({3}, 31), other = drawn({1, 3, 6, 5}, 32);
+    const at::Tensor noise = drawn({1, 1, 6, 5}, 33).detach(), strength = drawn({1}, 34);
+    for (const auto& [before, after] : {std::pair{2, 2}, std::pair{1, 1}, std::pair{0, 3}}) {
+        expectSame<Function>(
+            {{"x", x}}, [&, b = before, a = after] { return blur(x, b, a); },
+            [&, b = before, a = after] { return chains::blur(x, b, a, 1); });
+    }
+    const ActivationTerms all{.bias = bias, .noise = noise, .strength = strength, .other = other};
+    expectSame<Function>(
+        {{"x", x}, {"bias", bias}, {"strength", strength}, {"other", other}}, [&] { return activate(x, all); },
+        [&] { return chains::activate(x, all); });
+    const ActivationTerms few{.bias = bias};
+    expectSame<Function>(
+        {{"x", x}, {"bias", bias}}, [&] { return activate(x, few); }, [&] { return chains::activate(x, few); });
+    const ActivationTerms smaller{.bias = bias,
+                                  .noise = drawn({1, 1, 5, 4}, 35).detach(),
+                                  .strength = strength,
+                                  .other = drawn({1, 3, 5, 4}, 36)};
+    expectSame<Function>(
+        {{"x", x}, {"bias", bias}, {"strength", strength}, {"other", smaller.other}},
+        [&] { return blurActivate(x, smaller); }, [&] { return chains::blurActivate(x, smaller); });
+}
+
+TEST(NetworkFilterChains, AreTheTransformsAndWeights) {
+    const at::Tensor bands = drawn({1, 8, 3, 4}, 40), previous = drawn({1, 2, 3, 4}, 41);
+    expectSame<Function>(
+        {{"bands", bands}, {"previous", previous}}, [&] { return addSubbands(bands, previous); },
+        [&] { return chains::addSubbands(bands, previous); });
+    expectSame<Function>(
+        {{"bands", bands}}, [&] { return addSubbands(bands, {}); }, [&] { return chains::addSubbands(bands, {}); });
+    const at::Tensor weight = drawn({1, 4, 3, 3, 3}, 42), style = drawn({3}, 43);
+    for (const bool demodulate : {true, false}) {
+        for (const bool transposed : {true, false}) {
+            expectSame<Function>(
+                {{"weight", weight}, {"style", style}},
+                [&] { return modulatedWeight(weight, style, demodulate, transposed); },
+                [&] { return chains::modulatedWeight(weight, style, demodulate, transposed); });
+        }
+    }
+    const at::Tensor front = drawn({1, 2, 3, 4}, 44), back = drawn({1, 2, 3, 4}, 45);
+    const at::Tensor pixels = torch::tensor({0, 3, 4, 7, 9, 9, 14, 16, 20, 23}, torch::kLong);
+    expectSame<Function>(
+        {{"front", front}, {"back", back}}, [&] { return gatherSides(front, back, pixels); },
+        [&] { return chains::gatherSides(front, back, pixels); });
+}
+
+// A device without memory: whatever a filter makes must lie where its inputs lie, and nothing may look at numbers.
+TEST(NetworkFilterChains, MakeNothingOnAnotherDevice) {
+    const auto there = at::TensorOptions(at::kFloat).device(at::kMeta);
+    const at::Tensor x = at::empty({1, 3, 6, 6}, there), bias = at::empty({3}, there);
+    const at::Tensor noise = at::empty({1, 1, 6, 6}, there), strength = at::empty({1}, there);
+    const ActivationTerms terms{.bias = bias, .noise = noise, .strength = strength, .other = x};
+    const at::Tensor bands = at::empty({1, 12, 3, 3}, there), old = at::empty({1, 3, 3, 3}, there);
+    const at::Tensor pixels = at::empty({7}, there.dtype(at::kLong));
+    const std::vector<std::pair<at::Tensor, std::vector<std::int64_t>>> results{
+        {blurDownsample(x), {1, 3, 3, 3}},
+        {activate(x, terms), {1, 3, 6, 6}},
+        {blurActivate(at::empty({1, 3, 7, 7}, there), terms), {1, 3, 6, 6}},
+        {addSubbands(bands, old), {1, 3, 6, 6}},
+        {modulatedWeight(at::empty({1, 4, 3, 3, 3}, there), at::empty({3}, there), true, true), {3, 4, 3, 3}},
+        {gatherSides(x, x, pixels), {7, 3}}};
+    for (const auto& [result, sizes] : results) {
+        EXPECT_TRUE(result.is_meta());
+        EXPECT_EQ(result.sizes(), at::IntArrayRef(sizes));
+    }
+    EXPECT_ANY_THROW(activate(x, {.bias = at::zeros({3})}));
 }
 
 } // namespace

@@ -170,6 +170,30 @@ TEST(SplatOperator, FailuresAreNamed) {
     wrong.albedos = at::Tensor();
     EXPECT_NE(message([&] { splatTensors({}, wrong, scene.camera, {Channel::Albedo}, pool); }).find("albedo"),
               std::string::npos);
+    // Tensors of a device that engine/ does not know, and of two devices.
+    const auto nowhere = at::TensorOptions(at::kFloat).device(at::kMeta);
+    wrong = scene.surfels;
+    wrong.means = at::empty({5, 3}, nowhere);
+    EXPECT_EQ(message([&] { splatTensors({}, wrong, scene.camera, {Channel::Albedo}, pool); }),
+              "splat: means is Float on meta, expected float in host memory or on a CUDA device");
+    for (at::Tensor SurfelTensors::* member :
+         {&SurfelTensors::rotations, &SurfelTensors::opacities, &SurfelTensors::albedos, &SurfelTensors::bones}) {
+        wrong = scene.surfels;
+        wrong.bones = at::zeros({5, 3});
+        wrong.*member = at::empty((wrong.*member).sizes(), nowhere);
+        const std::string said = message([&] { splatTensors({}, wrong, scene.camera, {Channel::Albedo}, pool); });
+        EXPECT_NE(said.find("lies on meta, expected cpu as the others of this call"), std::string::npos) << said;
+    }
+    const auto light = lightTensors(at::ones({6, 64, 64, 3}));
+    GBufferTensors pictures = splatTensors({}, scene.surfels, scene.camera, test::kTrainingChannels, pool);
+    pictures[Channel::Normal] = at::empty(pictures[Channel::Normal].sizes(), nowhere);
+    EXPECT_NE(message([&] { shadeTensors({}, pictures, {}, scene.camera, light); }).find("normal lies on meta"),
+              std::string::npos);
+    OcclusionWorkspace memory;
+    EXPECT_NE(message([&] { occlusionTensor({}, pictures, scene.camera, memory, 0); }).find("normal lies on meta"),
+              std::string::npos);
+    EXPECT_NE(message([&] { lightTensors(at::empty({6, 64, 64, 3}, nowhere)); }).find("on meta"), std::string::npos);
+    EXPECT_NE(message([&] { toneTensor({}, at::empty({4, 4, 4}, nowhere)); }).find("on meta"), std::string::npos);
     // Through autograd's engine, too.
     const at::Tensor once =
         splatTensors({}, scene.surfels, scene.camera, {Channel::Albedo}, pool)[Channel::Albedo].sum();

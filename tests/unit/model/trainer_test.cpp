@@ -2,12 +2,14 @@
 #include "engine/surfel/splat.h"
 #include "model/avatar/avatar_model.h"
 #include "model/plugin.h"
+#include "model/training/placement.h"
 #include "tests/unit/model/trainer_support.h"
 
 #include <ATen/ATen.h>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 extern "C" ars::ModelPlugin* arsModelPlugin();
@@ -43,6 +45,53 @@ TEST_F(TrainerTest, PassesThroughItsThreeStagesAndTheAvatarOpens) {
     const Status preview = task->preview(folder_ / "previews");
     EXPECT_TRUE(preview.ok()) << preview.error().describe();
     EXPECT_FALSE(std::filesystem::is_empty(folder_ / "previews"));
+}
+
+TEST_F(TrainerTest, WithoutCudaATrainingThereIsRefusedBeforeAnythingIsRead) {
+    if (trainingDevice(RunDevice::Cuda)) {
+        std::printf("NOT RUN: TrainerTest: the refusal of CUDA: there is a device\n");
+        return;
+    }
+    TrainingConfig config = smallConfig();
+    ASSERT_TRUE(setTrainingParameter(config, "run.device", "cuda").ok());
+    TrainerSources nowhere;
+    nowhere.capture = folder_ / "no_such_capture";
+    const Status status = makeAvatarTrainer(nowhere, config)->load({});
+    ASSERT_FALSE(status.ok());
+    EXPECT_TRUE(status.error().describe().starts_with("run.device: is cuda, but ")) << status.error().describe();
+}
+
+// The first steps of both are one function of the same numbers; later ones drift apart as roundings do.
+TEST_F(TrainerTest, OnCudaItLearnsWhatItLearnsOnTheProcessor) {
+    if (const auto device = trainingDevice(RunDevice::Cuda); !device) {
+        std::printf("NOT RUN: TrainerTest: a training on CUDA: %s\n", device.error().describe().c_str());
+        return;
+    }
+    for (const auto& [radiance, pbr] : {std::pair{8, 0}, std::pair{0, 8}}) {
+        TrainingConfig config = smallConfig();
+        config.schedule.templateSteps = 0;
+        config.schedule.radianceSteps = radiance;
+        config.schedule.pbrSteps = pbr;
+        config.run.device = RunDevice::Cpu;
+        const auto expected = run(*trainer(config), 1);
+        config.run.device = RunDevice::Cuda;
+        const auto task = trainer(config);
+        const auto found = run(*task, 1);
+        for (const auto& [name, value] : expected) {
+            if (!name.starts_with("loss.")) continue;
+            EXPECT_NEAR(found.at(name), value, 0.01 * std::abs(value) + 1e-5) << name;
+        }
+        run(*task, 3);
+        const std::filesystem::path checkpoint = saved(*task, fmt::format("cuda{}", pbr));
+        ASSERT_TRUE(trainer(config)->restore(checkpoint).ok());
+        config.run.device = RunDevice::Cpu;
+        const auto onHost = trainer(config);
+        ASSERT_TRUE(onHost->restore(checkpoint).ok()) << "a checkpoint belongs to no device";
+        EXPECT_TRUE(std::isfinite(run(*onHost, 1).at("loss.total")));
+        std::filesystem::create_directories(folder_ / "previews");
+        const Status preview = task->preview(folder_ / "previews");
+        EXPECT_TRUE(preview.ok()) << preview.error().describe();
+    }
 }
 
 TEST_F(TrainerTest, ResumedAtAnyStepItEndsBitForBitWhereItWouldHaveEnded) {
