@@ -68,6 +68,14 @@ Json jointsJson(const Session& session) {
     return joints;
 }
 
+/// How many events of pointer and keyboard have come, and how many of them the widgets have seen.
+Json inputJson() {
+    const ImGuiContext& context = *GImGui;
+    const ImU32 given = context.InputEventsNextEventId - 1; // they count from 1
+    const bool none = context.InputEventsQueue.empty();
+    return Json{{"given", given}, {"taken", none ? given : context.InputEventsQueue.front().EventId - 1}};
+}
+
 } // namespace
 
 struct ScriptProbe::State {
@@ -179,7 +187,7 @@ void ScriptProbe::update(Session& session) {
                 {"joints", jointsJson(session)},
                 {"frame", frameJson(session)},
                 {"settled", session.settled()},
-                {"input", GImGui->InputEventsQueue.Size},
+                {"input", inputJson()},
                 {"undo", session.editor().undoLabel()},
                 {"redo", session.editor().redoLabel()},
                 {"history", session.editor().history().size()}};

@@ -160,16 +160,19 @@ class Studio:
     def taken_in(self):
         """Waits until the window has taken in all that was typed and pointed at, and has drawn what came of it.
 
-        The first answer may be older than the input, and a click or key in the queue waits for the one before it to be
-        drawn: so two answers after the first must say that nothing is left."""
-        answers, calm, end = 0, 0, time.time() + PATIENCE
+        The first answer may be older than the input. From the second on it has come, though it may wait in the queue:
+        a click or key is seen when the one before it has been drawn. A key that is held goes on giving more."""
+        answers, given, calm, end = 0, None, 0, time.time() + PATIENCE
         while calm < 2:
             answer = self.try_ask(timeout=end - time.time())
             if self.process.poll() is not None:
                 return
             assert answer is not None, "the program does not answer"
+            assert time.time() < end, "the program does not take in what was typed"
             answers += 1
-            calm = calm + 1 if answers > 1 and answer["input"] == 0 else 0
+            if answers == 2:
+                given = answer["input"]["given"]
+            calm = calm + 1 if given is not None and answer["input"]["taken"] >= given else 0
 
     def settle(self, seconds=PATIENCE):
         self.taken_in()

@@ -63,7 +63,9 @@ void LossPlot::draw(StudioContext& context, const RunSnapshot& run, float height
     constexpr ImPlotFlags kFlags = ImPlotFlags_NoTitle | ImPlotFlags_NoMenus | ImPlotFlags_NoBoxSelect;
     if (!ImPlot::BeginPlot("###Losses", {-1, left}, kFlags)) return;
     constexpr ImPlotAxisFlags kAxis = ImPlotAxisFlags_AutoFit | ImPlotAxisFlags_NoMenus;
-    ImPlot::SetupAxes("step", nullptr, kAxis, kAxis);
+    // A low plot needs its height for the curves.
+    const char* below = left > 10.0f * ImGui::GetFontSize() ? "step" : nullptr;
+    ImPlot::SetupAxes(below, nullptr, kAxis, kAxis);
     if (logarithmic_) ImPlot::SetupAxisScale(ImAxis_Y1, ImPlotScale_Log10);
     ImPlot::SetupLegend(ImPlotLocation_NorthEast);
     const float weight = 1.5f * context.scale;

@@ -21,6 +21,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 
 namespace ars::ui {
 
@@ -172,8 +173,12 @@ void TrainingPanel::draw(StudioContext& context) {
         run.reset();
     }
     if (run_.empty()) {
-        ui::hint("Choose a capture and start, or open a run folder to look at it, also one of another machine.");
         drawForm(context);
+        const char* words =
+            "Choose a capture and start, or open a run folder to look at it, also one of another machine.";
+        sameLineIfFits(ImGui::CalcTextSize(words).x);
+        ImGui::AlignTextToFramePadding();
+        ui::hint(words);
         return;
     }
     drawRun(context, run.get());
@@ -187,7 +192,9 @@ void TrainingPanel::drawRun(StudioContext& context, const RunSnapshot* run) {
     }
     const float size = ImGui::GetFontSize();
     const float wide = ImGui::GetContentRegionAvail().x;
-    const float height = std::max(12.0f * size, ImGui::GetContentRegionAvail().y - 2.0f * ImGui::GetFrameHeight());
+    // All of the panel but the line of "New run" below; a low panel scrolls rather than to squeeze the curves.
+    const float below = ImGui::GetFrameHeight() + 2.0f * ImGui::GetStyle().ItemSpacing.y;
+    const float height = std::max(8.0f * size, ImGui::GetContentRegionAvail().y - below);
     const bool beside = wide > 44.0f * size;
     // Below the viewport there is more width than height: words, curves and picture stand beside each other.
     const float words = beside ? 20.0f * size : 0.0f;
@@ -278,7 +285,9 @@ void TrainingPanel::drawButtons(StudioContext& context, const RunSnapshot& run) 
     const bool waits = run.owned && state == RunState::Paused;
     const bool works = run.owned && (state == RunState::Running || state == RunState::Loading);
     const bool ended = !run.owned && !starting && !run.error;
+    bool first = true;
     const auto button = [&](const char* symbol, const char* label, bool enabled, const char* tooltip) {
+        if (!std::exchange(first, false)) sameLineIfFits(buttonWidth(fmt::format("{}  {}", symbol, label).c_str()));
         ImGui::BeginDisabled(!enabled);
         const bool clicked = iconButton(symbol, label);
         ImGui::EndDisabled();
@@ -297,13 +306,10 @@ void TrainingPanel::drawButtons(StudioContext& context, const RunSnapshot& run) 
     } else if (button(icon::kPause, "Pause", works, "Saves a checkpoint and waits; memory stays taken")) {
         request(context, RunRequest::Pause, "Pausing the run");
     }
-    sameLineIfFits(6.0f * ImGui::GetFontSize());
     if (button(icon::kSave, "Save", works, "Writes a checkpoint now and goes on"))
         request(context, RunRequest::Save, "Saving a checkpoint");
-    sameLineIfFits(6.0f * ImGui::GetFontSize());
     if (button(icon::kStop, "Stop", works || waits, "Writes a checkpoint and ends the process; Resume goes on from it"))
         request(context, RunRequest::Stop, "Stopping the run");
-    sameLineIfFits(6.0f * ImGui::GetFontSize());
     if (button(icon::kDelete, "Discard", works || waits, "Ends the process and deletes the run folder; asks first"))
         discarding_ = !discarding_;
     if (button(icon::kPerson, "Open avatar", !run.checkpoints.empty(),
@@ -430,7 +436,7 @@ void TrainingPanel::drawForm(StudioContext& context) {
 
 void TrainingPanel::drawSettings(StudioContext& context, const char* tooltip) {
     rowLabel("Settings", tooltip);
-    ImGui::InputTextMultiline("###Settings", &form_->settings, {-1.0f, 3.2f * ImGui::GetTextLineHeight()});
+    ImGui::InputTextMultiline("###Settings", &form_->settings, {-1.0f, 2.6f * ImGui::GetTextLineHeight()});
     ui::help(context, tooltip);
 }
 
