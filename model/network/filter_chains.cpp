@@ -61,7 +61,7 @@ at::Tensor activate(const at::Tensor& x, const ActivationTerms& terms) {
 }
 
 at::Tensor blurActivate(const at::Tensor& x, const ActivationTerms& terms) {
-    return activate(chains::blur(x, 1, 1, 4), terms);
+    return chains::activate(chains::blur(x, 1, 1, 4), terms);
 }
 
 at::Tensor addSubbands(const at::Tensor& subbands, const at::Tensor& previous) {

@@ -2,7 +2,6 @@
 import json
 import os
 import pathlib
-import resource
 import shutil
 import signal
 import struct
@@ -280,23 +279,6 @@ def exported(run, capture, folder):
     assert picture("asked", "--occlusion", "body") == shaded, "what is asked for comes first"
 
 
-def refused_memory(run, capture, folder):
-    """An evaluation that is refused memory says so in one sentence, wherever that is."""
-    arguments = ["eval", "--avatar", run, "--capture", capture, "--out", folder / "small", "--frames", "0", "--cameras",
-                 CAMERAS[0], "--pictures", "0", "--quiet"]
-    said = 0
-    for megabytes in range(700, 2600, 200):
-        bound = lambda: resource.setrlimit(resource.RLIMIT_AS, (megabytes << 20, resource.RLIM_INFINITY))
-        code, _, errors = runs.ars(*arguments, preexec_fn=bound)
-        print(f"ars eval in {megabytes} MB: {code}: {runs.last_line(errors)}", flush=True)
-        if code == 0:
-            break
-        lines = [line for line in errors.splitlines() if line.strip()]
-        assert len(lines) == 1 and len(lines[0]) < 400, errors
-        said += "memory" in lines[0] or "libars_model" in lines[0]
-    assert said > 0, "no limit was felt"
-
-
 def main():
     source = runs.capture()
     with runs.Folder() as folder:
@@ -310,7 +292,6 @@ def main():
         resumed_by_mistake(run)
         from_other_folders(run, folder)
         evaluated(run, capture, folder)
-        refused_memory(run, capture, folder)
         exported(run, capture, folder)
 
 
