@@ -243,6 +243,7 @@ class Studio:
     def drag(self, begin, end, button=1, steps=24, seconds=1.0, hold=None, release=True):
         if hold:
             self.xdotool("keydown", hold)
+            self.taken_in()
         self.move(*begin)
         self.taken_in()
         self.xdotool("mousedown", button)

@@ -86,3 +86,20 @@ class Layers:
                 found |= {(x, y) for x in range(self.width)
                           if line[x * size:(x + 1) * size] != b[letter][x * size:(x + 1) * size]}
         return found
+
+    def steps(self, other, layer, pixel):
+        """How far apart the numbers of a pixel are at most, in steps of the file's own kind of number (half, float)."""
+        x, y = pixel
+        most = 0
+        for letter, line in self.lines[layer][y].items():
+            size = len(line) // self.width
+            places = [ordered(row[x * size:(x + 1) * size]) for row in (line, other.lines[layer][y][letter])]
+            most = max(most, abs(places[0] - places[1]))
+        return most
+
+
+def ordered(number):
+    """A place among all numbers of its kind: neighbours differ by one, and -0 stands where 0 does."""
+    bits = int.from_bytes(number, "little")
+    sign = 1 << (8 * len(number) - 1)
+    return sign - bits if bits & sign else bits
