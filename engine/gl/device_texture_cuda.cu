@@ -70,8 +70,10 @@ Status writeTexture(int device, void* resource, ImageView<const float> picture) 
     auto* shared = static_cast<cudaGraphicsResource*>(resource);
     ARS_TRY_STATUS(check(cudaGraphicsMapResources(1, &shared), "taking the texture"));
     cudaArray_t array = nullptr;
-    Status written = check(cudaGraphicsSubResourceGetMappedArray(&array, shared, 0, 0), "finding the texture");
-    if (written.ok()) written = launch(array, picture);
+    const Status written = [&]() -> Status {
+        ARS_TRY_STATUS(check(cudaGraphicsSubResourceGetMappedArray(&array, shared, 0, 0), "finding the texture"));
+        return launch(array, picture);
+    }();
     const Status returned = check(cudaGraphicsUnmapResources(1, &shared), "giving the texture back");
     return written.ok() ? returned : written;
 }

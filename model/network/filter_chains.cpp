@@ -93,7 +93,7 @@ at::Tensor modulatedWeight(const at::Tensor& weight, const at::Tensor& style, bo
 at::Tensor gatherSides(const at::Tensor& front, const at::Tensor& back, const at::Tensor& pixels) {
     TORCH_CHECK(front.sizes() == back.sizes() && front.size(0) == 1, "gather: sides of different sizes");
     const at::Tensor both = at::cat({front, back}, 3);
-    return both.permute({0, 2, 3, 1}).reshape({-1, both.size(1)}).index_select(0, pixels);
+    return both.permute({0, 2, 3, 1}).reshape({-1, both.size(1)}).index({pixels});
 }
 
 } // namespace ars::chains
