@@ -111,15 +111,9 @@ Status printParameters(const TrainOptions& options) {
     return {};
 }
 
-/// Whether there is a run, in whatever state it and its status.json are.
-bool isRun(const std::string& folder) {
-    std::error_code ignored;
-    return fs::is_regular_file(fs::path(folder) / kRunConfigFile, ignored);
-}
-
 Result<RunStatus> statusOf(const TrainOptions& options) {
     if (options.run.empty()) return wrongUsage("--run", "expected the folder of a run");
-    if (!isRun(options.run)) {
+    if (!holdsRun(options.run)) {
         return makeError(ErrorCode::NotFound, options.run, "this is no run folder");
     }
     return readRunStatus(options.run);
@@ -198,11 +192,11 @@ Status checkUsage(const TrainOptions& options) {
              {std::pair{"--preset", options.preset}, {"--body", options.body}, {"--template", options.templateFile}}) {
             if (!value.empty()) return wrongUsage(option, "a run that is resumed keeps its own");
         }
-        if (isRun(options.run)) return {};
+        if (holdsRun(options.run)) return {};
         return makeError(ErrorCode::NotFound, options.run, "this is no run folder: nothing to resume");
     }
     if (options.capture.empty()) return wrongUsage("--capture", "expected the folder of a capture");
-    if (isRun(options.run)) {
+    if (holdsRun(options.run)) {
         return wrongUsage("--run", fmt::format("{}: there is a run in this folder already; add --resume to go on with "
                                                "it, or choose another folder",
                                                printable(options.run)));

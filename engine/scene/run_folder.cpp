@@ -233,10 +233,12 @@ std::optional<RunRequest> runRequestFromName(std::string_view name) {
     return std::nullopt;
 }
 
-bool looksLikeRunFolder(const fs::path& folder) {
+bool holdsRun(const fs::path& folder) {
     std::error_code ignored;
-    return fs::is_regular_file(folder / kRunConfigFile, ignored) && statusAsWritten(folder).ok();
+    return fs::is_regular_file(folder / kRunConfigFile, ignored);
 }
+
+bool looksLikeRunFolder(const fs::path& folder) { return holdsRun(folder) && statusAsWritten(folder).ok(); }
 
 Result<RunStatus> readRunStatus(const fs::path& folder) {
     ARS_TRY(RunStatus status, statusAsWritten(folder));

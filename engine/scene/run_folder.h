@@ -82,6 +82,8 @@ inline constexpr const char* kRunLogFile = "log.txt";
 
 /// Whether the folder is one (has config.json and status.json of ours).
 bool looksLikeRunFolder(const std::filesystem::path& folder);
+/// Whether there is a run, in whatever state its status.json is: what a resume asks for.
+bool holdsRun(const std::filesystem::path& folder);
 /// The status as it stands; a state that needs a process whose lock nobody holds any more is told as Failed with
 /// "the process ended without a word".
 Result<RunStatus> readRunStatus(const std::filesystem::path& folder);

@@ -51,7 +51,7 @@ Status checkStart(const TrainingStart& start) {
     }
     if (start.resume) {
         // As ars train asks: a damaged status.json is no reason not to go on.
-        if (fs::is_regular_file(start.run / kRunConfigFile, ignored)) return {};
+        if (holdsRun(start.run)) return {};
         return makeError(ErrorCode::InvalidArgument, start.run.string(), "there is no run here that could go on");
     }
     if (start.capture.empty())
